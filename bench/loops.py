@@ -70,14 +70,14 @@ def building(seed: int) -> ScanLog:
     from bench.sim.setting import Setting
     from bench.sim.simulation import simulate
     from bench.sim.wheels import WHEELS, counted
-    from slams.scanlog import Track
+    from slams.scanlog import TimeSeries
 
     setting = Setting("ring", seed=seed, size=SIZE, length=WAY, v=SPEED, noise=0.02)
     log, chance = simulate(setting), np.random.default_rng(seed)
     log = log.rows(np.array(_keys(_true(log))))
     log = range_(beams(fov(log, FAN), BEAMS), RANGE)
     wrong = WHEELS._replace(scale=SCALE_ERROR, turning=TURN_ERROR, straight=HEADING_DRIFT)
-    odometry = Track(log.t, counted(_true(log), log.t, chance, wrong))
+    odometry = TimeSeries(log.t, counted(_true(log), log.t, chance, wrong))
     return replace(log, odom=odometry, yaw_rate=None, meta={})
 
 

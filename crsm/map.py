@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from crsm import map_kernels, match_kernels
 from crsm.map_kernels import Grid, Update
 from crsm.params import CrsmParams
-from slams.cells import Room, move, observed, zeros
-from slams.frontend.correlative import Lookup
+from slams.cells import GridStorage, move, observed, zeros
+from slams.frontend.correlative import LikelihoodField
 from slams.grid_bounds import Box, GridBounds
 from slams.refine.lines import LineMap
 from slams.scan.end_points import EndPoints
@@ -31,7 +31,7 @@ class GreyMap:
         self.params = params
         self.insertions = 0
         self.extent = GridBounds(params.max_cells, params.cell)
-        self._room = Room(params.max_cells, params.cell, COARSE)
+        self._room = GridStorage(params.max_cells, params.cell, COARSE)
         self.levels = [self._blank(1), self._blank(COARSE)]
         self._strokes = np.zeros((1, 5))
         self.lines = LineMap(params, *self._fine(), match_kernels.FREE)
@@ -41,7 +41,7 @@ class GreyMap:
 
         False if it may not: the map does not grow so far.
         """
-        if not self._cover(pose, scan.far):
+        if not self._cover(pose, scan.radius):
             return False
         self.insertions += 1
         if len(self._strokes) < scan.n:
@@ -71,10 +71,10 @@ class GreyMap:
         inliers, conflicts = match_kernels.evaluate(fine, scan.points, scan.n, at)
         return inliers, conflicts
 
-    def lookup(self) -> Lookup:
+    def likelihood_field(self) -> LikelihoodField:
         """The coarse grid: a wide target and cheap to search."""
         grid = self.levels[1]
-        return Lookup(grid.grey, grid.x0, grid.y0, grid.resolution)
+        return LikelihoodField(grid.grey, grid.x0, grid.y0, grid.resolution)
 
     def grid(self) -> OccupancyGrid:
         """The grey levels as probabilities, cut to what was observed."""
@@ -88,7 +88,7 @@ class GreyMap:
         nothing = OccupancyGrid(unknown, self.params.cell, (0.0, 0.0))
         return lambda: _drawn(*cells, window, fine) or nothing
 
-    def cut(self, box: Box) -> OccupancyGrid | None:
+    def crop(self, box: Box) -> OccupancyGrid | None:
         """The part in a box that was observed, None if nothing was."""
         fine, window = self.levels[0], self._room.window(box)
         return _drawn(fine.grey[window], fine.weight[window] > 0.0, window, fine)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crsm.map_kernels import Grid, darkness
-from slams.geometry import unlikely, wrap_angle
+from slams.geometry import student_cost, wrap_angle
 from slams.jit import FAST, njit
 from slams.scan.scan_kernels import Points
 
@@ -53,7 +53,7 @@ def score(grid: Grid, rays: Any, prior: Expected, pose: Any) -> float:
     k = prior.information
     distance = k[0, 0] * dx * dx + k[1, 1] * dy * dy + k[2, 2] * turn * turn
     distance += 2.0 * (k[0, 1] * dx * dy + k[0, 2] * dx * turn + k[1, 2] * dy * turn)
-    return fitness(grid, rays, pose) - prior.weight * unlikely(max(distance, 0.0))
+    return fitness(grid, rays, pose) - prior.weight * student_cost(max(distance, 0.0))
 
 
 @njit(inner=True, borrows=True)

@@ -24,9 +24,9 @@ class ScanReader(EndPoints):
         self._count = params.critical_rays
         self._H = np.zeros((3, 3))
 
-    def take(self, scan: Scan, velocity: Pose2) -> ScanReader:
+    def read(self, scan: Scan, velocity: Pose2) -> ScanReader:
         """Read a scan and choose its rays; `velocity` of the base frees a sweep from its motion."""
-        super().take(scan, velocity)
+        super().read(scan, velocity)
         count = min(self._count, max(self.n // 2, LEAST_RAYS))
         ends, normals = np.empty((self.n, 2)), self.normals
         k = critical_rays(

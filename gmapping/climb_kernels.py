@@ -10,7 +10,7 @@ import numpy as np
 from gmapping.match_kernels import Posterior
 from gmapping.render_kernels import Counts, is_free
 from gmapping.tile_kernels import Tiles, cell_of, inside_tile, slot_of
-from slams.geometry import offset, square_of, unlikely
+from slams.geometry import mahalanobis_squared, offset, student_cost
 from slams.jit import FAST, njit
 from slams.types import Floats, Pose2
 
@@ -76,7 +76,7 @@ def log_posterior(of: Posterior, field: Field, k: int, pose: Floats, floor: floa
     """
     mean = of.means[k]
     off = offset(Pose2(pose[0], pose[1], pose[2]), Pose2(mean[0], mean[1], mean[2]))
-    prior = -unlikely(square_of(of.information, off))
+    prior = -student_cost(mahalanobis_squared(of.information, off))
     most = 2.0 * (prior - floor) / field.worth
     if most <= 0.0:
         return floor

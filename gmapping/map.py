@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmapping.tile_kernels import CELLS, SIDE, Tiles, inherit
-from slams.cells import Room, move, zeros
+from slams.cells import GridStorage, move, zeros
 from slams.grid_bounds import DEFAULT_MAX_CELLS, Box, GridBounds
 from slams.types import Floats, Pose2
 
@@ -35,7 +35,7 @@ class TileMap:
     ) -> None:
         most = MOST_POINTERS * CELLS // (n_particles * layers)
         self.extent = GridBounds(min(max_cells, most), resolution)
-        self._room = Room(min(max_cells, most), resolution, SIDE)
+        self._room = GridStorage(min(max_cells, most), resolution, SIDE)
         self.tiles = Tiles(
             cells=zeros((max_tiles + 1, CELLS, depth), np.float32),
             tables=self._tables(n_particles, layers),

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gmapping.render_kernels import COARSE, Counts, draw
-from slams.cells import Room, move, observed, zeros
-from slams.frontend.correlative import Lookup
+from slams.cells import GridStorage, move, observed, zeros
+from slams.frontend.correlative import LikelihoodField
 from slams.grid_bounds import Box
 from slams.types import Floats, OccupancyGrid, Pose2
 
@@ -27,12 +27,14 @@ def blank(first: Sequence[int], size: Sequence[int], resolution: float) -> Count
     return Counts(hits, visits, walls, x0, y0, resolution)
 
 
-def walls(counts: Counts) -> Lookup:
+def walls(counts: Counts) -> LikelihoodField:
     """Where beams ended, in cells twice as wide, for correlative search."""
     edge, (height, width) = counts.resolution, counts.hits.shape
     pairs = counts.hits.reshape(height // 2, 2, width // 2, 2)
     likelihood = np.asarray(pairs.any(axis=(1, 3)), np.float32)
-    return Lookup(likelihood, (counts.x0 + 0.5) * edge, (counts.y0 + 0.5) * edge, 2.0 * edge)
+    return LikelihoodField(
+        likelihood, (counts.x0 + 0.5) * edge, (counts.y0 + 0.5) * edge, 2.0 * edge
+    )
 
 
 class Renderer:
@@ -49,7 +51,7 @@ class Renderer:
 
     def __init__(self, resolution: float, occupied: float, max_cells: int) -> None:
         self._power = math.log(0.5) / math.log(occupied)
-        self._room = Room(max_cells, resolution, 1 << COARSE)
+        self._room = GridStorage(max_cells, resolution, 1 << COARSE)
         self._low, self._high = np.zeros((2, 2), np.int64)  # cells that were needed, both included
         self._scans: list[Keyframe] = []
         self._drawn = np.zeros((64, 3))  # where each of them is drawn
@@ -81,7 +83,7 @@ class Renderer:
         nothing = OccupancyGrid(unknown, self.counts.resolution, (0.0, 0.0))
         return lambda: self._shares(part) or nothing
 
-    def cut(self, box: Box) -> OccupancyGrid | None:
+    def crop(self, box: Box) -> OccupancyGrid | None:
         """The part in a box of what is drawn now, None if nothing was observed there."""
         return self._shares(self._part(self._room.window(box)))
 
@@ -99,7 +101,7 @@ class Renderer:
             draw(scan, counts, 1)
         return counts
 
-    def lookup(self) -> Lookup:
+    def likelihood_field(self) -> LikelihoodField:
         """Likelihood of walls in coarse cells, for correlative search."""
         edge, counts = self.counts.resolution * (1 << COARSE), self.counts
         (x0, y0), (x1, y1) = self._low - self._corner, self._high - self._corner
@@ -109,7 +111,7 @@ class Renderer:
         shift = 0.5 * ((1 << COARSE) - 1) * counts.resolution  # of the first cell in a coarse one
         x = first_x * edge + counts.x0 * counts.resolution + shift
         y = first_y * edge + counts.y0 * counts.resolution + shift
-        return Lookup(likelihood, x, y, edge)
+        return LikelihoodField(likelihood, x, y, edge)
 
     @property
     def _corner(self) -> NDArray[np.int64]:

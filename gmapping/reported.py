@@ -15,7 +15,7 @@ from gmapping.render_kernels import Counts
 from gmapping.scan import View
 from gmapping.surfaces import OLD, SurfaceMatcher
 from slams.frontend.correlative import search, window_of
-from slams.frontend.degeneracy import of_scan
+from slams.frontend.degeneracy import scan_observability
 from slams.scan.end_points import EndPoints
 from slams.types import Pose2
 
@@ -65,7 +65,7 @@ class ReportedMap(Renderer):
         seen_then = self.only(old[:: 1 + len(old) // SCANS])
         lookup = walls(seen_then)
         ends, found = points.pieces[:, :2].T, []
-        seen, drift = of_scan(points, pose.theta), DRIFT + self._particles.spread()
+        seen, drift = scan_observability(points, pose.theta), DRIFT + self._particles.spread()
         for share in WINDOWS:
             poses, _ = search(lookup, ends, window_of(pose, share**2 * drift), alike=0.0)
             at = Pose2(*poses[0, :3].tolist())

@@ -21,15 +21,15 @@ class View(EndPoints):
     """
 
     params: GMappingParams
-    facing_error = 0.05  # rad: of normals over a window
+    rough_normal_error = 0.05  # rad: of normals over a window
 
     def __init__(self, params: GMappingParams) -> None:
         super().__init__(params)
         self.pieces, self.beams = np.zeros((0, 5)), 0.0
 
-    def take(self, scan: Scan, velocity: Pose2) -> View:
+    def read(self, scan: Scan, velocity: Pose2) -> View:
         """Read a scan; `velocity` of the base [m/s, rad/s] takes out the motion of the sweep."""
-        super().take(scan, velocity)
+        super().read(scan, velocity)
         out, grain = np.zeros((self.n, 5)), self.params.grain
         n = pieces(self.points, self.normals, self.n, self.mount, grain, out)
         self.pieces = out[:n]

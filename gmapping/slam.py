@@ -76,15 +76,15 @@ class GMapping(HasEstimator):
         """Match the scan to the reported map; at a keyframe run the filter. Returns T_map_base."""
         self._catch_up()  # with what `insert_at` has drawn
         prior = self._estimator.predict(scan)  # 1.
-        view = self._view.take(scan, prior.twist)  # 2.
+        view = self._view.read(scan, prior.twist)  # 2.
         matches = self._match(view, prior.pose, prior)
-        if view.sweeps:  # 2. again, with the motion that was found
-            view.take(scan, self._estimator.twist_at(matches[0].pose))
+        if view.has_sweep:  # 2. again, with the motion that was found
+            view.read(scan, self._estimator.twist_at(matches[0].pose))
             matches = self._match(view, prior.pose, prior)
         pose = self._estimator.decide(view, matches, self._map, self._match)  # 5.
         self._counts["posed"] += self._estimator.match is not None
         quality, mount = self._estimator.quality, scan.laser.mount
-        if self._estimator.maps and self._keyframes.due(pose, quality, mount):
+        if self._estimator.may_map and self._keyframes.due(pose, quality, mount):
             pose = self._filter(view, pose)  # 6.
         return view.at_stamp(pose)
 
@@ -95,7 +95,7 @@ class GMapping(HasEstimator):
             self._share_one_map()  # the first is the reported one then
         self._others_lag = True
         self.particles.poses[:] = pose
-        self._insert(self._view.take(scan, IDENTITY), pose, 1)
+        self._insert(self._view.read(scan, IDENTITY), pose, 1)
 
     def adopt(self, other: GMapping, pose: Pose2) -> None:
         """Go on in the map of another instance, at `pose` in it, moving as before."""
@@ -127,7 +127,7 @@ class GMapping(HasEstimator):
 
     def _filter(self, view: View, pose: Pose2) -> Pose2:
         """Step 6; returns the pose of the particle that is reported then."""
-        if self.frozen or view.n == 0 or not self.tiles.admits(pose, view.far):
+        if self.frozen or view.n == 0 or not self.tiles.admits(pose, view.radius):
             return pose
         particles = self.particles
         if self._map.empty:
@@ -194,9 +194,9 @@ class GMapping(HasEstimator):
         return particles.best_pose
 
     def _insert(self, view: View, pose: Pose2, particles: int | None = None) -> None:
-        if self.frozen or view.n == 0 or not self.tiles.admits(pose, view.far):
+        if self.frozen or view.n == 0 or not self.tiles.admits(pose, view.radius):
             return
-        self.tiles.cover(self.particles.poses, view.far)
+        self.tiles.cover(self.particles.poses, view.radius)
         step = self._key.between(pose)
         self._way += math.hypot(step.x, step.y) + STEP
         if not self._matcher.insert(view, self.particles.poses[:particles], self._way):

@@ -14,7 +14,7 @@ from gmapping.params import GMappingParams
 from gmapping.particles import Proposals
 from gmapping.render_kernels import Counts
 from gmapping.scan import View
-from slams.frontend.degeneracy import of_scan
+from slams.frontend.degeneracy import scan_observability
 from slams.frontend.motion_filter import Prediction
 from slams.refine.lines import Match
 from slams.types import Floats, Pose2, wrap_angle
@@ -145,6 +145,6 @@ def _heading(pieces: Floats) -> float:
 
 def _unseen(view: View, theta: float) -> Floats:
     """Projection (3, 3) on what a scan at a heading does not observe of a pose [Zhang16]."""
-    seen = of_scan(view, theta)
+    seen = scan_observability(view, theta)
     direction = np.array((seen.x, seen.y, 0.0))
     return (1.0 - seen.share) * np.outer(direction, direction)

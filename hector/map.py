@@ -12,8 +12,8 @@ from hector import map_kernels, match_kernels
 from hector.map_kernels import Level, Update
 from hector.match_kernels import Solver
 from hector.params import HectorParams
-from slams.cells import Room, move, observed, zeros
-from slams.frontend.correlative import Lookup
+from slams.cells import GridStorage, move, observed, zeros
+from slams.frontend.correlative import LikelihoodField
 from slams.geometry import Prior
 from slams.grid_bounds import Box, GridBounds
 from slams.refine.lines import ENOUGH, THINNED, LineMap, Match
@@ -36,7 +36,7 @@ class LogOddsPyramid:
         self.insertions = 0
         self.extent = GridBounds(params.max_cells, params.resolution)
         self._block: int = 1 << (params.levels - 1)
-        self._room = Room(params.max_cells, params.resolution, self._block)
+        self._room = GridStorage(params.max_cells, params.resolution, self._block)
         self._update = Update(
             math.log(params.free / (1.0 - params.free)),
             math.log(params.occupied / (1.0 - params.occupied)),
@@ -53,7 +53,7 @@ class LogOddsPyramid:
 
         False if it may not: the map does not grow so far.
         """
-        if not self._cover(pose, scan.far):
+        if not self._cover(pose, scan.radius):
             return False
         self.insertions += 1
         number = self.insertions
@@ -85,10 +85,10 @@ class LogOddsPyramid:
         level = self.levels[min(1, len(self.levels) - 1)]
         return match_kernels.evaluate(level, scan.points, scan.n, pose)
 
-    def lookup(self) -> Lookup:
+    def likelihood_field(self) -> LikelihoodField:
         """The coarsest level: the widest target and the cheapest to search."""
         level = self.levels[-1]
-        return Lookup(level.p, level.x0, level.y0, level.resolution)
+        return LikelihoodField(level.p, level.x0, level.y0, level.resolution)
 
     def grid(self) -> OccupancyGrid:
         """The finest level, cut to what was observed."""
@@ -102,7 +102,7 @@ class LogOddsPyramid:
         nothing = OccupancyGrid(unknown, self.params.resolution, (0.0, 0.0))
         return lambda: _drawn(log_odds, window, level) or nothing
 
-    def cut(self, box: Box) -> OccupancyGrid | None:
+    def crop(self, box: Box) -> OccupancyGrid | None:
         """The part of the finest level in a box that was observed, None if nothing was."""
         level, window = self.levels[0], self._room.window(box)
         return _drawn(level.log_odds[window], window, level)

@@ -28,7 +28,7 @@ from slams.frontend.plain import estimator_for
 from slams.geometry import Prior
 from slams.params import Params
 from slams.refine.lines import Match
-from slams.scan.end_points import EndPoints, gap
+from slams.scan.end_points import EndPoints, pose_distance
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
 
@@ -52,22 +52,22 @@ class Hector(HasEstimator):
     def update(self, scan: Scan) -> Pose2:
         """Match the scan to the map, insert it if due; return T_map_base."""
         prior = self._estimator.predict(scan)  # 1.
-        points = self._scan.take(scan, prior.twist)  # 2.
+        points = self._scan.read(scan, prior.twist)  # 2.
         matches = self._match(points, prior.pose, prior)
-        if points.sweeps:  # 2. again, with the motion that was found
-            points = self._scan.take(scan, self._estimator.twist_at(matches[0].pose))
+        if points.has_sweep:  # 2. again, with the motion that was found
+            points = self._scan.read(scan, self._estimator.twist_at(matches[0].pose))
             matches = self._match(points, prior.pose, prior)
         pose = self._estimator.decide(points, matches, self._map, self._match)  # 5.
         self._learn(points)
         quality, mount = self._estimator.quality, scan.laser.mount
-        if self._estimator.maps and self._keyframes.due(pose, quality, mount):
+        if self._estimator.may_map and self._keyframes.due(pose, quality, mount):
             self._insert(points, pose)  # 6.
         return points.at_stamp(pose)
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
         """Let a scan enter the map at a known pose, without matching."""
         self._estimator.place(scan, pose)
-        self._insert(self._scan.take(scan, IDENTITY), pose)
+        self._insert(self._scan.read(scan, IDENTITY), pose)
 
     def adopt(self, other: Hector, pose: Pose2) -> None:
         """Go on in the map of another instance, at `pose` in it, moving as before."""
@@ -109,7 +109,9 @@ class Hector(HasEstimator):
             return
         self._map.lines.learn(match, points)
         self._counts["posed"] += 1
-        self._counts["kept"] += gap(points, match.coarse, match.pose) < self.params.resolution
+        self._counts["kept"] += (
+            pose_distance(points, match.coarse, match.pose) < self.params.resolution
+        )
         self._counts["refined"] += match.coarse != match.pose
 
     def _insert(self, points: EndPoints, pose: Pose2) -> None:

@@ -1,4 +1,4 @@
-"""Room for maps that grow: arrays as large as a map may become, memory only where it was seen.
+"""GridStorage: arrays as large as a map may become, memory only where something was written.
 
 Address space costs nothing, and the system gives memory page by page to what is written to. So the
 arrays of a map begin with room for all that it may hold in a square around the start; only a long,
@@ -78,7 +78,7 @@ def filled(array: Array) -> list[tuple[int, int]]:
     return spans
 
 
-class Room:
+class GridStorage:
     """The rectangle of cells that a map's arrays have, as numbers of cells from the map's origin.
 
     It begins as a square around the origin, `EDGE` times as wide as one of `max_cells`; a block

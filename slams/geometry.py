@@ -10,7 +10,7 @@ import numpy as np
 from slams.jit import njit
 from slams.types import Floats, Pose2
 
-FREEDOM = 3.0  # of Student's law, for predictions with rare large errors
+STUDENT_DOF = 3.0  # of Student's law, for predictions with rare large errors
 
 
 class Prior(NamedTuple):
@@ -65,7 +65,7 @@ def offset(pose: Pose2, to: Pose2) -> Pose2:
 
 
 @njit(inner=True, borrows=True)
-def square_of(information: Floats, off: Pose2) -> float:
+def mahalanobis_squared(information: Floats, off: Pose2) -> float:
     """Squared distance `off` in units of its covariance, whose inverse is given (3, 3). ours."""
     distance = 0.0
     for i in range(3):
@@ -75,9 +75,9 @@ def square_of(information: Floats, off: Pose2) -> float:
 
 
 @njit(borrows=True)
-def unlikely(distance: float) -> float:
+def student_cost(distance: float) -> float:
     """Negative log of Student's law at so large a squared distance. ours."""
-    return 0.5 * (FREEDOM + 3.0) * math.log1p(distance / FREEDOM)
+    return 0.5 * (STUDENT_DOF + 3.0) * math.log1p(distance / STUDENT_DOF)
 
 
 @njit(inner=True, borrows=True)
@@ -90,7 +90,7 @@ def add_prior(
     prior, out_H (3, 3); `prior` [1/m^2, 1/(m rad), 1/rad^2]; `variance` [m^2] of the residuals of
     H; `off` leads from the pose to the prior's mean.
     """
-    w = variance * (FREEDOM + 3.0) / (FREEDOM + square_of(prior, off))
+    w = variance * (STUDENT_DOF + 3.0) / (STUDENT_DOF + mahalanobis_squared(prior, off))
     for i in range(3):
         for k in range(3):
             out_H[i, k] = H[i, k] + w * prior[i, k]

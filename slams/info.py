@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from slams.formats.bag import Topic
     from slams.formats.frames import Transforms
-    from slams.scanlog import ScanLog, Track
+    from slams.scanlog import ScanLog, TimeSeries
     from slams.types import Floats, Laser
 
 GAP = 3.0  # periods without a message that count as a gap: two in a row are missing
@@ -132,7 +132,7 @@ def _laser(laser: Laser) -> str:
     )
 
 
-def _tracks(log: ScanLog) -> dict[str, Track]:
+def _tracks(log: ScanLog) -> dict[str, TimeSeries]:
     tracks = {"odometry": log.odom, "yaw_rate": log.yaw_rate, "truth": log.truth}
     return {name: track for name, track in tracks.items() if track is not None}
 

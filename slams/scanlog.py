@@ -36,7 +36,7 @@ from slams.laser_table import (
     to_table,
 )
 from slams.laser_table import single as single
-from slams.track import Track as Track
+from slams.time_series import TimeSeries as TimeSeries
 from slams.types import Attitude, Floats, Laser, Pose2, Ranges, Scan
 from slams.validation import check_laser, check_stamps, check_track, expect
 
@@ -61,12 +61,12 @@ class ScanLog:
     t: Floats
     ranges: Ranges
     laser: Laser
-    odom: Track | None = None
-    truth: Track | None = None
-    yaw_rate: Track | None = None
+    odom: TimeSeries | None = None
+    truth: TimeSeries | None = None
+    yaw_rate: TimeSeries | None = None
     meta: dict[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    attitude: Track | None = None
+    attitude: TimeSeries | None = None
     others: tuple[Laser, ...] = ()
     laser_of: NDArray[np.int64] | None = None
 
@@ -142,11 +142,11 @@ class ScanLog:
 
     def odometry_at_scans(self) -> Floats | None:
         """Odometry (n, 3) at each scan; rows of nan where it was not recorded."""
-        return self._at_scans(self.odom, Track.poses_at)
+        return self._at_scans(self.odom, TimeSeries.poses_at)
 
     def attitude_at_scans(self) -> Floats | None:
         """Roll and pitch (n, 2) [rad] at each scan; rows of nan where they were not measured."""
-        return self._at_scans(self.attitude, Track.attitudes_at)
+        return self._at_scans(self.attitude, TimeSeries.attitudes_at)
 
     def truth_at(self, t: Floats) -> Floats | None:
         """True poses (n, 3) at the stamps t (n,), nan where not covered; None without truth."""
@@ -185,17 +185,19 @@ class ScanLog:
         return clean
 
     def _at_scans(
-        self, track: Track | None, at: Callable[[Track, Floats], Floats]
+        self, track: TimeSeries | None, at: Callable[[TimeSeries, Floats], Floats]
     ) -> Floats | None:
         if track is None:
             return None
         same = np.array_equal(track.t, self.t)  # row by row, whatever the stamps do
         return track.values if same else at(track, self.t)
 
-    def _track_rows(self, track: Track | None, part: slice | NDArray[Any]) -> Track | None:
+    def _track_rows(
+        self, track: TimeSeries | None, part: slice | NDArray[Any]
+    ) -> TimeSeries | None:
         if track is None or not np.array_equal(track.t, self.t):
             return track
-        return Track(self.t[part], track.values[part])
+        return TimeSeries(self.t[part], track.values[part])
 
     def save(self, path: str | Path) -> None:
         """Write "scanlog-1"; same log, same bytes. A temporary name is renamed when complete."""
@@ -257,7 +259,7 @@ def _meta(data: dict[str, Any]) -> dict[str, Any]:
     return dict(meta)
 
 
-def _track(data: dict[str, Any], key: str, t: Floats) -> Track:
+def _track(data: dict[str, Any], key: str, t: Floats) -> TimeSeries:
     values = numbers(data, key, 1 + len(TRACKS[key]))
     stamps = numbers(data, f"{key}_t", 1) if f"{key}_t" in data else t
-    return Track(stamps, values)
+    return TimeSeries(stamps, values)

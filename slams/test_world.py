@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from slams.scanlog import ScanLog, Track
+from slams.scanlog import ScanLog, TimeSeries
 from slams.types import IDENTITY, Floats, Laser, Pose2, Scan
 
 Segment = tuple[float, float, float, float]
@@ -116,10 +116,10 @@ def drive(
         seen_from = way(n * b, 1.0 / (rate * b))[np.minimum(samples, n * b - 1)]
     ranges = np.array([cast(segments, scan, lidar) for scan in seen_from])
     noisy = (ranges + rng.normal(0.0, noise, ranges.shape)).astype(np.float32)
-    odom = Track(t, _drifting(poses, rng)) if odometry else None
+    odom = TimeSeries(t, _drifting(poses, rng)) if odometry else None
     rate_of_turn = np.gradient(poses[:, 2], t) if n > 1 else np.zeros(1)
-    yaw_rate = Track(t, rate_of_turn + 0.001) if gyro else None
-    return ScanLog(t, noisy, lidar, odom, Track(t, poses), yaw_rate, {"name": "room"})
+    yaw_rate = TimeSeries(t, rate_of_turn + 0.001) if gyro else None
+    return ScanLog(t, noisy, lidar, odom, TimeSeries(t, poses), yaw_rate, {"name": "room"})
 
 
 def _drifting(poses: Floats, rng: np.random.Generator) -> Floats:

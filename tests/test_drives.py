@@ -152,7 +152,7 @@ def test_a_bare_corridor_is_driven_by_the_wheels(name, n_beams, faster):
 def test_the_map_says_what_fits_and_where_there_are_walls_to_search(label):
     slam = driven(label, drive(n=20, lidar=laser(361)))
     points = slam._view if "gmapping" in label else slam._scan
-    pose, lookup = slam._estimator.pose, slam._map.lookup()
+    pose, lookup = slam._estimator.pose, slam._map.likelihood_field()
     inliers, conflicts = slam._map.evaluate(points, pose)
     assert inliers > 0.6 and conflicts < 0.05
     aside, against = slam._map.evaluate(points, pose @ Pose2(0.5, 0.4, 0.3))
@@ -197,12 +197,12 @@ def test_a_map_that_grows_keeps_what_it_has_and_a_part_of_it_is_that_of_the_whol
         slam.insert_at(scan_at(IDENTITY, t=1.0 + k), Pose2(-22.0, -1.0, 0.0))
     assert is_wall(slam.map(), *Pose2(-22.0, -1.0, 0.0).transform(np.array([[5.0, 0.0]]))[0])
     np.testing.assert_array_equal(part_of(slam.map(), home), before)
-    cut = slam._map.cut(Box(-1.0, -1.5, 2.0, 1.0))
+    cut = slam._map.crop(Box(-1.0, -1.5, 2.0, 1.0))
     ny, nx = cut.p.shape
     x, y = cut.origin
     inside = Box(x, y, x + nx * cut.resolution, y + ny * cut.resolution)
     np.testing.assert_array_equal(cut.p, part_of(slam.map(), inside))
-    assert slam._map.cut(Box(500.0, 500.0, 501.0, 501.0)) is None
+    assert slam._map.crop(Box(500.0, 500.0, 501.0, 501.0)) is None
 
 
 @pytest.mark.parametrize("label", [*ALGORITHMS, *ORIGINALS])

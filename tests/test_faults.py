@@ -12,7 +12,7 @@ from bench.sim.simulation import simulate
 from slams import metrics
 from slams.player import replay
 from slams.registry import find
-from slams.scanlog import Track
+from slams.scanlog import TimeSeries
 from slams.types import Pose2
 from tests.rooms import ALGORITHMS, CORRIDOR, box, drive, laser, made, scan_at
 
@@ -51,7 +51,7 @@ def jumped(seed, *jumps):
         if motion is None:
             motion = -odom[first]
         odom[first:] += motion
-    return dataclasses.replace(log, odom=Track(log.odom.t, odom))
+    return dataclasses.replace(log, odom=TimeSeries(log.odom.t, odom))
 
 
 FAULTS = {

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.cells import Room, move, zeros
-from slams.frontend.correlative import Lookup
+from slams.cells import GridStorage, move, zeros
+from slams.frontend.correlative import LikelihoodField
 from slams.geometry import Prior
 from slams.grid_bounds import Box, GridBounds
 from slams.refine.lines import Match
@@ -50,7 +50,7 @@ class TileField:
         self.error = p.range_noise
         self.extent = GridBounds(p.max_cells, p.cell)
         self._rows, self._equations = np.zeros((ROWS, 4)), np.zeros((5, 3))
-        self._room = Room(p.max_cells, p.cell, SIDE)
+        self._room = GridStorage(p.max_cells, p.cell, SIDE)
         slots, seen, walls = self._table()
         tiles = slots.size, SIDE, SIDE
         self.kernel = Field(
@@ -108,7 +108,7 @@ class TileField:
 
     def learn(self, match: Match) -> None:
         """Take this match's distances for the error of the field."""
-        self.error = max(self.params.map_noise * match.square**0.5, LEAST_ERROR)
+        self.error = max(self.params.map_noise * match.mean_square**0.5, LEAST_ERROR)
 
     def evaluate(self, points: EndPoints, pose: Pose2) -> tuple[float, float]:
         """Shares of the elements that are inliers at a pose, and in conflict with the map."""
@@ -119,18 +119,18 @@ class TileField:
         n = max(n, 1)
         return inliers / n, conflicts / n
 
-    def lookup(self) -> Lookup:
+    def likelihood_field(self) -> LikelihoodField:
         """Cells of half a tile, 1 where a surface crosses them, less beside it."""
         f = self.kernel
         cell = WALL * f.cell
         x, y = (f.corner + 0.5 * cell).tolist()
-        return Lookup(f.walls, x, y, cell)
+        return LikelihoodField(f.walls, x, y, cell)
 
     def grid(self) -> OccupancyGrid:
         """The map as it stands."""
         return self.snapshot().draw()
 
-    def cut(self, box: Box) -> OccupancyGrid | None:
+    def crop(self, box: Box) -> OccupancyGrid | None:
         """The part of the map in a box, None if nothing was observed there."""
         window = self._window(box)
         if not self.kernel.seen[window[0]].any():

@@ -48,11 +48,11 @@ class Registration:
         if start != prior.pose:
             return found
         (xx, _, _), (_, yy, _), _ = prior.covariance.tolist()
-        if xx + yy > UNSURE**2 or found.share < self._p.convincing * self._usual:
+        if xx + yy > UNSURE**2 or found.inlier_ratio < self._p.convincing * self._usual:
             other = self.icp(scan, self.ransac(scan, start), expected)
-            found = max(found, other, key=lambda match: match.share)
+            found = max(found, other, key=lambda match: match.inlier_ratio)
         gain = min(prior.dt / MEMORY, 1.0) if self._usual > 0.0 else 1.0
-        self._usual += gain * (found.share - self._usual)
+        self._usual += gain * (found.inlier_ratio - self._usual)
         return found
 
     def cast(self, base: Pose2, laser: Laser) -> Model:

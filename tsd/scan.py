@@ -33,13 +33,13 @@ class SurfaceScan(EndPoints):
         )
         self.count = 0
 
-    def take(self, scan: Scan, velocity: Pose2) -> SurfaceScan:
+    def read(self, scan: Scan, velocity: Pose2) -> SurfaceScan:
         """Read a scan; `velocity` of the base [m/s, rad/s] takes out the motion of the sweep."""
-        super().take(scan, velocity)
+        super().read(scan, velocity)
         self.beams = Beams(self.mount.x, self.mount.y, scan.laser.angle_increment)
         p = self._p
         rule = self._rule = SurfaceRule(
-            self.grain.window,
+            self.resolution.window,
             self.noise,
             p.max_slope,
             (p.roughness * self.noise) ** 2,

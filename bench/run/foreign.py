@@ -19,14 +19,14 @@ from slams.types import Floats, OccupancyGrid, Pose2
 
 if TYPE_CHECKING:
     from slams.formats.options import SourceOptions
-    from slams.scanlog import ScanLog, Track
+    from slams.scanlog import ScanLog, TimeSeries
 
 
 class Foreign(NamedTuple):
     """What another program made of a log: poses in the frame of its map, and the map."""
 
     name: str
-    track: Track
+    track: TimeSeries
     grid: OccupancyGrid | None
 
 

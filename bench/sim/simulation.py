@@ -19,7 +19,7 @@ from bench.sim.setting import ARENAS, CELL, FINE, Setting, kinds, look_up
 from bench.sim.swing import Swing, measured
 from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World, read_world
-from slams.scanlog import ScanLog, Track
+from slams.scanlog import ScanLog, TimeSeries
 from slams.types import Floats, Pose2, wrap_angle
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def _body(setting: Setting, rng: Generator) -> Swing | Ramps | None:
     return Swing(setting.tilt, rng) if setting.tilt else None
 
 
-def _attitudes(true: Drive, body: Swing | Ramps, rng: Generator) -> Track:
+def _attitudes(true: Drive, body: Swing | Ramps, rng: Generator) -> TimeSeries:
     """Roll and pitch as they are measured."""
     return _track(true, GYRO, lambda t: measured(body.stand(t, true.poses_at(t))[0], t, rng))
 
@@ -164,11 +164,11 @@ def _drive(setting: Setting, sensor: Sensor, world: World, rng: Generator) -> Dr
     return drive(world, robot, rng, seconds, rate)
 
 
-def _track(true: Drive, rate: float, values: Callable[[Floats], Floats]) -> Track:
+def _track(true: Drive, rate: float, values: Callable[[Floats], Floats]) -> TimeSeries:
     """A signal at an even rate over the whole drive, both ends included."""
     stamps = np.arange(math.ceil(true.t[-1] * rate - 1e-6)) / rate
     stamps = np.append(stamps, true.t[-1])
-    return Track(stamps, values(stamps))
+    return TimeSeries(stamps, values(stamps))
 
 
 def _truth(true: Drive, stamps: Floats) -> Floats:

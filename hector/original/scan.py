@@ -20,12 +20,12 @@ class EndPoints:
     def __init__(self, params: OriginalParams, laser: Laser) -> None:
         self.laser = laser
         self.n = 0
-        self.sweeps = params.deskew and laser.time_increment > 0.0
+        self.has_sweep = params.deskew and laser.time_increment > 0.0
         near = max(params.min_range, laser.range_min)
         self._limits = Limits(near, params.max_range, params.body_radius)
         self.points = np.zeros((3, laser.n_beams))
 
-    def take(self, scan: Scan, velocity: Pose2) -> None:
+    def read(self, scan: Scan, velocity: Pose2) -> None:
         """Read a scan; `velocity` of the base [m/s, rad/s] counts where a sweep is taken out."""
         laser = self.laser
         self.n = kernels.end_points(
@@ -33,7 +33,7 @@ class EndPoints:
         )
         if scan.attitude is not None:
             self._level(scan.attitude)
-        if self.sweeps:
+        if self.has_sweep:
             twist = Twist(velocity.x, velocity.y, velocity.theta, laser.time_increment)
             kernels.deskew(self.points, self.n, twist)
 

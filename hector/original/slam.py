@@ -39,11 +39,11 @@ class Original:
         """Match the scan to the map, let it enter the map if due; return T_map_base."""
         points = self._points_of(scan)
         pose = self._motion.predict(self._pose, scan)  # the last pose, unless a preset says more
-        points.take(scan, self._motion.velocity)  # 1.
+        points.read(scan, self._motion.velocity)  # 1.
         self._counts["empty"] += points.n == 0
         pose = self._matched(points, pose)  # 2.
-        if points.sweeps:
-            points.take(scan, self._motion.velocity_to(pose))
+        if points.has_sweep:
+            points.read(scan, self._motion.velocity_to(pose))
             pose = self._matched(points, pose)
         self._pose = pose
         self._motion.moved(pose, scan)

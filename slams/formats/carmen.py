@@ -24,7 +24,7 @@ import numpy as np
 from slams.formats.options import DamagedError, SourceOptions
 from slams.formats.packed import name_of, text_of
 from slams.formats.sweep import Mounted, Sweep, common, usable
-from slams.scanlog import ScanLog, Track
+from slams.scanlog import ScanLog, TimeSeries
 from slams.types import Floats, Laser, Pose2, Ranges
 from slams.validation import FAR, LATEST
 
@@ -218,11 +218,11 @@ def _mount(lines: Lines, notes: list[str]) -> Pose2:
     return middle
 
 
-def _odometry(t: Floats, lines: Lines, wanted: str | None) -> tuple[Track | None, str | None]:
+def _odometry(t: Floats, lines: Lines, wanted: str | None) -> tuple[TimeSeries | None, str | None]:
     """The robot's poses in the laser lines, else the ODOM lines; and where they are from."""
-    found: dict[str, Track | None] = {}
+    found: dict[str, TimeSeries | None] = {}
     if lines.poses:
-        found[lines.message] = Track(t, np.array(lines.poses)[:, 1])
+        found[lines.message] = TimeSeries(t, np.array(lines.poses)[:, 1])
     if lines.odom:
         found["ODOM"] = _track(lines.odom)
     if wanted not in (None, "none", *found):
@@ -231,9 +231,9 @@ def _odometry(t: Floats, lines: Lines, wanted: str | None) -> tuple[Track | None
     return found.get(name), None if name == "none" else name
 
 
-def _track(rows: list[list[float]]) -> Track | None:
+def _track(rows: list[list[float]]) -> TimeSeries | None:
     table = np.array(rows, np.float64)
-    return Track(table[:, 0].copy(), table[:, 1:].copy()) if rows else None
+    return TimeSeries(table[:, 0].copy(), table[:, 1:].copy()) if rows else None
 
 
 def _no_return(ranges: Ranges, laser: Laser) -> float:

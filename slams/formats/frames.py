@@ -11,7 +11,7 @@ import numpy as np
 from slams.formats.sweep import Mounted
 from slams.ros.attitude import headings, roll_and_pitch, up_of
 from slams.ros.messages import seconds
-from slams.scanlog import Track
+from slams.scanlog import TimeSeries
 from slams.types import Floats, Pose2, wrap_angle
 from slams.validation import FAR
 
@@ -89,7 +89,7 @@ class Transforms:
         usual = [name for base in BASES for name in above if name.rpartition("/")[2] == base]
         return usual[0] if usual else None
 
-    def moving(self, parent: str, frame: str) -> Track | None:
+    def moving(self, parent: str, frame: str) -> TimeSeries | None:
         """The frame's planar pose in a frame above it, at the stamps of the quickest transform.
 
         The other transforms are interpolated, never extrapolated: x and y linearly, the heading
@@ -108,9 +108,9 @@ class Transforms:
         for k, track in enumerate(tracks):
             poses = composed(poses, track.poses_at(t) if k in alive else track.values[:1])
         covered = np.isfinite(poses).all(axis=1)
-        return Track(t[covered], poses[covered]) if covered.any() else None
+        return TimeSeries(t[covered], poses[covered]) if covered.any() else None
 
-    def attitude(self, base: str) -> Track | None:
+    def attitude(self, base: str) -> TimeSeries | None:
         """Roll and pitch (k, 2) [rad] of the base in a level frame right above it, if there is one.
 
         None where the two do not move against each other.
@@ -119,7 +119,7 @@ class Transforms:
         if edge is None or self.is_fixed(edge):
             return None
         rows = self.samples[edge]
-        return Track(np.array([row[0] for row in rows]), attitudes_of(rows))
+        return TimeSeries(np.array([row[0] for row in rows]), attitudes_of(rows))
 
     def leveled(self, base: str) -> Edge | None:
         """The transform from a level frame right above the base, if there is one."""
@@ -172,9 +172,9 @@ def composed(a: Floats, b: Floats) -> Floats:
     return poses
 
 
-def _planar_track(rows: list[Row]) -> Track:
+def _planar_track(rows: list[Row]) -> TimeSeries:
     table = np.array(rows, np.float64)
-    return Track(table[:, 0].copy(), np.column_stack([table[:, 1:3], headings(table[:, 4:])]))
+    return TimeSeries(table[:, 0].copy(), np.column_stack([table[:, 1:3], headings(table[:, 4:])]))
 
 
 def _matrix(row: Row) -> Floats:

@@ -13,7 +13,7 @@ from slams.formats.frames import Transforms, bare
 from slams.formats.options import DamagedError
 from slams.ros.attitude import ImuAttitude
 from slams.ros.messages import PATH, READ, TFS, Inertial, Record, decoder, pose_of, seconds
-from slams.scanlog import Track
+from slams.scanlog import TimeSeries
 from slams.types import Floats
 from slams.validation import FAR
 
@@ -100,23 +100,23 @@ class Messages:
         stamps = sent if sent.any() else np.array([row.received for row in rows], np.float64)
         return stamps, [row.values for row in rows]
 
-    def track(self, topic: str) -> Track | None:
+    def track(self, topic: str) -> TimeSeries | None:
         """Poses over time; what is not finite is left out."""
         stamps, rows = self.series(topic)
         values: Floats = np.array(rows, np.float64).reshape(-1, 3)
         whole = np.all(np.abs(values) < FAR, axis=1)
-        return Track(stamps[whole], values[whole]) if whole.any() else None
+        return TimeSeries(stamps[whole], values[whole]) if whole.any() else None
 
 
 def tracks_of(
     t: Floats, rows: list[Inertial], turned: Floats | None
-) -> tuple[Track | None, Track | None]:
+) -> tuple[TimeSeries | None, TimeSeries | None]:
     """Turn rate (n,), roll and pitch (k, 2) of all messages, stamped t; None: nothing measured."""
     imu = ImuAttitude(turned)
     stamped = [row._replace(sent=stamp) for stamp, row in zip(t.tolist(), rows, strict=True)]
     table = np.array([imu.push(row) for row in stamped]).reshape(-1, 4)
     known = np.abs(table) < FAR  # nan is not
     rated, tilted = table[known[:, 1]], table[known[:, 2:].all(axis=1)]
-    rate = Track(rated[:, 0].copy(), rated[:, 1].copy()) if len(rated) else None
-    tilt = Track(tilted[:, 0].copy(), tilted[:, 2:].copy()) if len(tilted) else None
+    rate = TimeSeries(rated[:, 0].copy(), rated[:, 1].copy()) if len(rated) else None
+    tilt = TimeSeries(tilted[:, 0].copy(), tilted[:, 2:].copy()) if len(tilted) else None
     return rate, tilt

@@ -18,7 +18,7 @@ from slams.formats.packed import name_of
 from slams.formats.sweep import Fan, Mounted, Sweep, common, merged, usable
 from slams.formats.topics import Roles, listed, some
 from slams.ros.messages import IMU, ODOMETRY, POSES, SCANS
-from slams.scanlog import ScanLog, Track
+from slams.scanlog import ScanLog, TimeSeries
 from slams.types import IDENTITY
 
 T = TypeVar("T")
@@ -94,7 +94,7 @@ class Recording:
             laser_of,
         )
 
-    def track(self) -> Track:
+    def track(self) -> TimeSeries:
         """What the options name as the truth, alone.
 
         Raises:
@@ -193,7 +193,7 @@ class Recording:
 
     # tracks
 
-    def _odometry(self) -> tuple[Track | None, str | None]:
+    def _odometry(self) -> tuple[TimeSeries | None, str | None]:
         wanted = self.options.odom
         if self.roles.odom is None and wanted is None:
             frames = [frame for frame in self._above() if "odom" in frame.lower()]
@@ -203,7 +203,7 @@ class Recording:
             wanted = frames[0] if frames else "none"
         return self._poses(self.roles.odom, wanted)
 
-    def _truth(self) -> tuple[Track | None, str | None]:
+    def _truth(self) -> tuple[TimeSeries | None, str | None]:
         """From a topic or a frame, in this order; files are read elsewhere."""
         wanted, topic, frames = self.options.truth, self.roles.truth, self.tree.frames
         if topic is None and (wanted and bare(wanted)) not in (None, "none", *frames):
@@ -213,7 +213,7 @@ class Recording:
             )
         return self._poses(topic, wanted)
 
-    def _poses(self, topic: str | None, frame: str | None) -> tuple[Track | None, str | None]:
+    def _poses(self, topic: str | None, frame: str | None) -> tuple[TimeSeries | None, str | None]:
         """The base's poses on a topic, else in a frame; and where they are from.
 
         Poses of another frame that is fixed to the base are carried to it.
@@ -224,7 +224,7 @@ class Recording:
             if track is None or matrix is None or its_frame == self.base:
                 return track, topic
             step = np.array([planar(matrix, "the base", self.notes).mount])
-            return Track(track.t, composed(track.values, step)), topic
+            return TimeSeries(track.t, composed(track.values, step)), topic
         if frame is None or frame == "none":
             return None, None
         track = self.tree.moving(frame, self.base)
@@ -238,7 +238,7 @@ class Recording:
     def _above(self) -> list[str]:
         return self.tree.ancestors(self.base, rigid=False)[1:]
 
-    def _inertial(self) -> tuple[Track | None, Track | None]:
+    def _inertial(self) -> tuple[TimeSeries | None, TimeSeries | None]:
         """Turn rate about the vertical, roll and pitch of the base: by the IMU, else by tf."""
         topic = self.roles.imu
         if topic is None:

@@ -12,7 +12,7 @@ from slams.formats.kind import BAGS, is_bag_folder, kind_of
 from slams.formats.options import SourceOptions
 from slams.formats.packed import text_of
 from slams.ros.attitude import headings
-from slams.scanlog import Track
+from slams.scanlog import TimeSeries
 from slams.types import Floats
 from slams.validation import expect
 
@@ -39,7 +39,7 @@ def write_tum(path: str | Path, t: Floats, poses: Floats) -> None:
 
 def read_trajectory(
     spec: str | Path, log_path: str | Path | None = None, options: SourceOptions | None = None
-) -> Track:
+) -> TimeSeries:
     """A trajectory that any program wrote: a file, or a topic or tf frame of the log's bag.
 
     What `spec` names is looked for in this order ("/name" is never a file of the folder one is
@@ -79,7 +79,7 @@ def read_trajectory(
     return _in_order(f"{log_path}: {name}", track)
 
 
-def read_track(path: Path, salvage: bool = False) -> Track:
+def read_track(path: Path, salvage: bool = False) -> TimeSeries:
     """The poses of a file of any kind, as recorded: TUM, or those on /pose of a result.mcap.
 
     Raises:
@@ -89,7 +89,7 @@ def read_track(path: Path, salvage: bool = False) -> Track:
     kind = kind_of(path)
     expect(kind != "npz", f"{path}", "an npz file", "a trajectory: TUM or a bag")
     if kind not in BAGS:
-        return Track(*read(path))
+        return TimeSeries(*read(path))
     options = SourceOptions(odom="none", imu="none", truth="/pose", salvage=salvage)
     return recording.read([path], options, recording.Recording.track)
 
@@ -135,7 +135,7 @@ def read(path: str | Path) -> tuple[Floats, Floats]:
     return table[:, 0], poses
 
 
-def _in_order(what: str, track: Track) -> Track:
+def _in_order(what: str, track: TimeSeries) -> TimeSeries:
     """Stamps ascending, the first of equal ones; at least two of them."""
     back = int((np.diff(track.t) < 0.0).sum())
     if back > MAX_DISORDER * len(track.t):
@@ -146,4 +146,4 @@ def _in_order(what: str, track: Track) -> Track:
     t, first = np.unique(track.t, return_index=True)
     got = f"{len(track.t)} poses at one stamp ({t[0]:.6g} s)"
     expect(len(t) > 1, what, got, "a trajectory")
-    return Track(t, track.values[first])
+    return TimeSeries(t, track.values[first])

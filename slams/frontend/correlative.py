@@ -27,10 +27,10 @@ WIDEST = 2.0  # m: half of the window of a prior at most
 LEAST_ROTATION = 0.2  # rad: half of it at least, as a prior in doubt is no limit
 
 
-class Lookup(NamedTuple):
+class LikelihoodField(NamedTuple):
     """Likelihood of walls 0..1 (ny, nx), the center of cell [0, 0] (x, y) [m], the cell [m].
 
-    `pooled` (ny, nx), `block`: see `made_ready`; without, coarse cells are made in every search.
+    `pooled` (ny, nx), `block`: see `pooled_field`; without, coarse cells are made in every search.
     """
 
     likelihood: NDArray[np.float32]
@@ -56,7 +56,7 @@ def window_of(middle: Pose2, covariance: Floats) -> Window:
     return Window(middle, min(DEVIATIONS * spread, WIDEST), max(rotation, LEAST_ROTATION))
 
 
-def made_ready(lookup: Lookup, block: int) -> Lookup:
+def pooled_field(lookup: LikelihoodField, block: int) -> LikelihoodField:
     """A map for many searches: with the largest likelihood in a block of cells from each cell on.
 
     A point may lie anywhere in a coarse cell, so that bounds the shifts of two blocks; this bounds
@@ -67,11 +67,13 @@ def made_ready(lookup: Lookup, block: int) -> Lookup:
     likelihood = np.pad(lookup.likelihood, ((block, 0), (block, 0)))  # blocks that end in the map
     pooled = cv2.dilate(likelihood, np.ones((block, block), np.uint8), anchor=(0, 0))
     x0, y0 = (v - block * lookup.resolution for v in (lookup.x0, lookup.y0))
-    return Lookup(likelihood, x0, y0, lookup.resolution, np.asarray(pooled, np.float32), block)
+    return LikelihoodField(
+        likelihood, x0, y0, lookup.resolution, np.asarray(pooled, np.float32), block
+    )
 
 
 def search(
-    lookup: Lookup, ends: Floats, window: Window, enough: float = 0.0, alike: float = 1.0
+    lookup: LikelihoodField, ends: Floats, window: Window, enough: float = 0.0, alike: float = 1.0
 ) -> tuple[Floats, int]:
     """The best poses of a window; coarse cells bound what their poses can score [Olson15].
 
@@ -107,7 +109,7 @@ def _block(half: float) -> int:
     return 1 << int(math.log2(min(max(half / ACROSS, 1.0), LARGEST)))
 
 
-def _part(lookup: Lookup, window: Window, far: float) -> Lookup:
+def _part(lookup: LikelihoodField, window: Window, far: float) -> LikelihoodField:
     """The cells that ends can be in."""
     cell, reach = lookup.resolution, far + window.half
     x, y = (window.middle.x - lookup.x0) / cell, (window.middle.y - lookup.y0) / cell
@@ -117,11 +119,11 @@ def _part(lookup: Lookup, window: Window, far: float) -> Lookup:
     likelihood = np.ascontiguousarray(lookup.likelihood[part])  # so the kernels compile once
     pooled = None if lookup.pooled is None else np.ascontiguousarray(lookup.pooled[part])
     corner = lookup.x0 + i * cell, lookup.y0 + j * cell
-    return Lookup(likelihood, *corner, cell, pooled, lookup.block)
+    return LikelihoodField(likelihood, *corner, cell, pooled, lookup.block)
 
 
 def _coarse_poses(
-    lookup: Lookup, ends: Floats, window: Window, cells: int, need: tuple[float, float]
+    lookup: LikelihoodField, ends: Floats, window: Window, cells: int, need: tuple[float, float]
 ) -> tuple[Floats, int]:
     """The first poses (k, 4) of the best blocks of a window, and how many blocks it has."""
     fine, x0, y0, cell, coarse, stride = lookup

@@ -34,7 +34,7 @@ class Observability(NamedTuple):
     share: float
 
 
-ALL = Observability(1.0, 0.0, 1.0)
+FULLY_OBSERVED = Observability(1.0, 0.0, 1.0)
 
 
 def observability(
@@ -47,18 +47,18 @@ def observability(
     """
     total = xx + yy
     if not total > 3.0 * by_chance:
-        return ALL
+        return FULLY_OBSERVED
     radius, middle = math.hypot(0.5 * (xx - yy), xy), 0.5 * total
     angle = 0.5 * math.atan2(2.0 * xy, xx - yy) + 0.5 * math.pi
     least, greatest = middle - radius, middle + radius
     floor = (error**2 + by_chance / total) * greatest
     share = 1.0 - floor / least if least > floor else 0.0
     if share >= OBSERVED:
-        return ALL
+        return FULLY_OBSERVED
     return Observability(math.cos(angle), math.sin(angle), share)
 
 
-def of_information(information: Floats) -> Observability:
+def match_observability(information: Floats) -> Observability:
     """That of a match, by its information (3, 3) about the pose in the map.
 
     Lines of the map that are tilted by their error seem to observe a direction that none faces.
@@ -67,13 +67,15 @@ def of_information(information: Floats) -> Observability:
     return observability(xx, xy, yy, TILTED, 0.0)
 
 
-def of_scan(points: EndPoints, theta: float, known_otherwise: bool = False) -> Observability:
+def scan_observability(
+    points: EndPoints, theta: float, known_otherwise: bool = False
+) -> Observability:
     """That of a scan taken at the heading `theta` [rad], by which way its surfaces face.
 
     `known_otherwise`: wheels or a graph know the position, too: what may move counts as chance.
     """
-    xx, xy, yy = scatter(points.facing, points.n)
+    xx, xy, yy = scatter(points.rough_normals, points.n)
     by_chance = MOVABLE if known_otherwise else BY_CHANCE
-    seen = observability(xx, xy, yy, points.facing_error, by_chance)
+    seen = observability(xx, xy, yy, points.rough_normal_error, by_chance)
     c, s = math.cos(theta), math.sin(theta)
     return Observability(c * seen.x - s * seen.y, s * seen.x + c * seen.y, seen.share)

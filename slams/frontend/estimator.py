@@ -7,7 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slams.frontend.degeneracy import ALL, Observability, of_information, of_scan
+from slams.frontend.degeneracy import (
+    FULLY_OBSERVED,
+    Observability,
+    match_observability,
+    scan_observability,
+)
 from slams.frontend.filter_kernels import CONTRADICTED
 from slams.frontend.motion_filter import MAP_ERROR, MotionFilter, Prediction
 from slams.frontend.params import FrontendParams
@@ -24,7 +29,9 @@ MEMORY = 0.5  # s over which a score is usual
 GATE = 49.0  # squared Mahalanobis distance from the prior that one scan cannot prove
 REFUSED = 1.5  # times the variances after a good match beyond the gate: it may be a blunder of ours
 LOST_XY, LOST_HEADING = 0.5, 0.3  # m, rad: deviation of a pose that holds no map together
-CONFIRMED = 3.0  # s after the robot was lost, times agreement over the usual: a match has to stand
+CONFIRMED = (
+    3.0  # s after the robot was lost, times match_score over the usual: a match has to stand
+)
 RELOCALIZED = np.diag((0.05**2, 0.05**2, 0.02**2))  # m^2, m^2, rad^2
 BEGIN_BEAMS = 10  # end points that a map begins with
 # s without a match: the whole map is searched, and scans are mapped by wheels; also without
@@ -43,7 +50,7 @@ class PoseEstimator:
     def __init__(self, params: FrontendParams) -> None:
         self.state: State = "matched"
         self.quality = 1.0
-        self.maps = False  # whether the last scan may enter the map
+        self.may_map = False  # whether the last scan may enter the map
         self.match: Match | None = None  # that the last pose is of
         named = "empty matched predicted lost searched relocalized in_conflict odometry gyro"
         self.counts = dict.fromkeys(named.split(), 0)
@@ -51,7 +58,7 @@ class PoseEstimator:
         self._filter = MotionFilter(params)
         self._pose = self._filter.pose
         self._prior = self._filter.prediction()
-        self._usual = 1.0  # agreement of the matches so far
+        self._usual = 1.0  # match_score of the matches so far
         self._unmatched = 0.0  # s since the last match
         self._by_wheels = True  # all that time
         self._new_ground = 0.0  # s, all that time: share of beams in new ground less in conflict
@@ -137,7 +144,7 @@ class PoseEstimator:
     # decide
 
     def _is_usual(self, candidate: Candidate) -> bool:
-        return candidate.agreement >= USUAL * self._usual
+        return candidate.match_score >= USUAL * self._usual
 
     def _accepts(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> bool:
         if self._unconfirmed > 0.0 and self._is_usual(best):
@@ -151,7 +158,7 @@ class PoseEstimator:
             return False
         if self._lost and best.score < ACCEPTED and not self._is_usual(best):
             return False  # in so wide a prior chance explains a little of any scan
-        return best.agreement > 0.0  # more of the beams are for it than against it
+        return best.match_score > 0.0  # more of the beams are for it than against it
 
     def _is_near(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> bool:
         """Whether a match beyond the gate explains the scan, as near as a late scan may be.
@@ -173,22 +180,22 @@ class PoseEstimator:
 
     def _observed(self, points: EndPoints, match: Match) -> Observability:
         if not self._p.degeneracy:
-            return ALL
-        by_scan = of_scan(points, match.pose.theta, self._filter.wheels)
-        by_match = of_information(match.seen)
+            return FULLY_OBSERVED
+        by_scan = scan_observability(points, match.pose.theta, self._filter.wheels)
+        by_match = match_observability(match.information)
         return by_match if by_match.share < by_scan.share else by_scan
 
     def _begin(self, points: EndPoints) -> Pose2:
         """The first scan with enough to see begins the map."""
-        self.maps = points.n >= BEGIN_BEAMS
-        if self.maps:
+        self.may_map = points.n >= BEGIN_BEAMS
+        if self.may_map:
             self._filter.shift(self.pose)
-        self._call("matched" if self.maps else "predicted" if self._is_sure() else "lost")
+        self._call("matched" if self.may_map else "predicted" if self._is_sure() else "lost")
         return self.pose
 
     def _take(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> Pose2:
         """The robot is at a match."""
-        match, agreement = best.match, best.agreement
+        match, match_score = best.match, best.match_score
         self.match, self._new = match, 1.0 - best.inliers - best.conflicts
         self.counts["in_conflict"] += best.conflicts > IN_CONFLICT
         if best.distance > GATE and best.seconds > self._prior.dt:
@@ -196,23 +203,23 @@ class PoseEstimator:
             self._pose = match.pose
         else:
             seen = self._observed(points, match)
-            self._pose = self._filter.update(match.pose, match.seen, seen)
+            self._pose = self._filter.update(match.pose, match.information, seen)
         share = min(1.0, self._prior.dt / MEMORY)
         if self._is_usual(best):
             self._unconfirmed = 0.0
         elif self._unconfirmed <= 0.0 and (self._lost or self._refuted):
             self._unconfirmed = CONFIRMED
         else:
-            self._unconfirmed -= self._prior.dt * agreement / self._usual
+            self._unconfirmed -= self._prior.dt * match_score / self._usual
         if self._unconfirmed <= 0.0:
-            self._usual += share * (agreement - self._usual)
+            self._usual += share * (match_score - self._usual)
         self._lost = False
-        self.quality = max(agreement, 0.0)
-        self.maps = self._unconfirmed <= 0.0
-        held = self.maps or self._by_wheels
-        settled: State = "matched" if self.maps else "predicted"
+        self.quality = max(match_score, 0.0)
+        self.may_map = self._unconfirmed <= 0.0
+        held = self.may_map or self._by_wheels
+        settled: State = "matched" if self.may_map else "predicted"
         self._call(settled if held and self._is_sure() else "lost")
-        if self.maps:
+        if self.may_map:
             self._unmatched, self._by_wheels, self._new_ground = 0.0, True, 0.0
             self._relocalizer.reset()
         else:  # what explains so little may be another place
@@ -231,8 +238,8 @@ class PoseEstimator:
         self._lost |= (doubtful and not self._by_wheels) or not self._is_sure()
         if self._unconfirmed > 0.0:
             self._unconfirmed = CONFIRMED
-        self.quality = max(best.agreement, 0.0) if best else 0.0
-        self.maps = new > 0.0 and self._maps_unmatched()
+        self.quality = max(best.match_score, 0.0) if best else 0.0
+        self.may_map = new > 0.0 and self._maps_unmatched()
         self._call("lost" if self._lost else "predicted")
         if self._lost or self._refuted:
             self._relocalize(grid)
@@ -261,7 +268,7 @@ class PoseEstimator:
         variance = max(self._filter.covariance.diagonal()[:2].tolist())
         held = self._by_wheels and not self._refuted
         reach = math.sqrt(GATE * variance) if held else math.inf
-        found = self._relocalizer.update(self._scan, self.pose, reach, grid.cut)
+        found = self._relocalizer.update(self._scan, self.pose, reach, grid.crop)
         if found is None or (held and self._prior.distance(found) > GATE):
             return
         self._filter.place(found, RELOCALIZED)

@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from slams.geometry import FREEDOM, wrap_angle
+from slams.geometry import STUDENT_DOF, wrap_angle
 from slams.jit import njit
 from slams.types import Floats
 
@@ -180,7 +180,7 @@ def widen(P: Floats, i: int, square: float, readings: Floats, room: Floats) -> N
     """
     nis = square / (times(P, room[2], room) + readings[i, USED])
     if nis > CONTRADICTED:
-        factor = (FREEDOM + min(nis, LARGEST)) / (FREEDOM + 1.0)
+        factor = (STUDENT_DOF + min(nis, LARGEST)) / (STUDENT_DOF + 1.0)
         axis = 2 if i == GYRO else i
         scale_rows(P, STEP + axis, STEP + axis + 1, math.sqrt(factor))
         scale_rows(P, TWIST + axis, TWIST + axis + 1, math.sqrt(factor))

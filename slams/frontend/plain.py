@@ -29,7 +29,7 @@ class PlainEstimator:
 
     def __init__(self, params: FrontendParams, motion_model: bool = False) -> None:
         self.state: State = "matched"
-        self.quality, self.maps = 1.0, False
+        self.quality, self.may_map = 1.0, False
         self.match: Match | None = None
         self.pose = IDENTITY
         self.covariance = self.local_covariance = np.diag([math.inf] * 3)
@@ -91,12 +91,12 @@ class PlainEstimator:
     ) -> Pose2:
         """Take the last match."""
         self.counts["empty"] += points.n == 0
-        self.maps = points.n > 0
-        self.state = "matched" if self.maps else "predicted"
+        self.may_map = points.n > 0
+        self.state = "matched" if self.may_map else "predicted"
         self.counts[self.state] += 1
-        self.match = matches[-1] if self.maps else None
-        if self.maps:
-            self.pose, self.quality = matches[-1].pose, min(matches[-1].share, 1.0)
+        self.match = matches[-1] if self.may_map else None
+        if self.may_map:
+            self.pose, self.quality = matches[-1].pose, min(matches[-1].inlier_ratio, 1.0)
             self._twist, self._step = self.twist_at(self.pose), self._before.between(self.pose)
         return self.pose
 

@@ -9,10 +9,10 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
-from slams.frontend.correlative import ALIKE, Lookup, search, window_of
+from slams.frontend.correlative import ALIKE, LikelihoodField, search, window_of
 from slams.frontend.motion_filter import Prediction
 from slams.frontend.update_kernels import LATENCY
-from slams.geometry import unlikely
+from slams.geometry import student_cost
 from slams.grid_bounds import Box
 from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints
@@ -37,11 +37,11 @@ class MatchedMap(Protocol):
         """Shares of the beams that are inliers at a pose, and that are in conflict with the map."""
         ...
 
-    def lookup(self) -> Lookup:
+    def likelihood_field(self) -> LikelihoodField:
         """A coarse likelihood of walls, for correlative search."""
         ...
 
-    def cut(self, box: Box) -> OccupancyGrid | None:
+    def crop(self, box: Box) -> OccupancyGrid | None:
         """The part of the map in a box, None if nothing was observed there."""
         ...
 
@@ -59,14 +59,14 @@ class Candidate(NamedTuple):
     conflicts: float
 
     @property
-    def agreement(self) -> float:
+    def match_score(self) -> float:
         """What the scan says."""
         return self.inliers - self.conflicts
 
     @property
     def score(self) -> float:
         """What scan and prior say."""
-        return self.agreement - unlikely(self.distance) / PIECES
+        return self.match_score - student_cost(self.distance) / PIECES
 
 
 def rank(match: Match, points: EndPoints, grid: MatchedMap, prior: Prediction) -> Candidate:
@@ -96,9 +96,9 @@ def best_around(
     window, found = window_of(prior.pose, prior.covariance), [first]
     half = max(window.half, SPEED * LATENCY)
     window = window._replace(half=half, rotation=max(window.rotation, TURN_RATE * LATENCY))
-    poses, _ = search(grid.lookup(), points.points[:, : points.n], window, alike=ALIKE)
+    poses, _ = search(grid.likelihood_field(), points.points[:, : points.n], window, alike=ALIKE)
     starts = [(Pose2(*pose), likelihood) for *pose, likelihood in poses.tolist()]
-    starts.sort(key=lambda start: unlikely(prior.distance(start[0])) / PIECES - start[1])
+    starts.sort(key=lambda start: student_cost(prior.distance(start[0])) / PIECES - start[1])
     for start, _ in starts[:TRIES]:
         found += rematch(points, start, prior)
     return best_of(found, points, grid, prior)

@@ -29,7 +29,7 @@ from slams.frontend.filter_kernels import (
     scale_rows,
     symmetrize,
 )
-from slams.geometry import FREEDOM, inverse3, square_of, wrap_angle
+from slams.geometry import STUDENT_DOF, inverse3, mahalanobis_squared, wrap_angle
 from slams.jit import njit
 from slams.types import Floats, Pose2
 
@@ -149,7 +149,7 @@ def remap(
     C, off = P[:3, :3] + np.diag(prior), np.empty(3)
     W = inverse3(C)
     offset_from(z, pose, off)
-    w = (FREEDOM + 3.0) / (FREEDOM + square_of(W, Pose2(off[0], off[1], off[2])))
+    w = (STUDENT_DOF + 3.0) / (STUDENT_DOF + mahalanobis_squared(W, Pose2(off[0], off[1], off[2])))
     pull, alone, weighted = np.zeros(3), np.empty(3), np.empty((3, 3))
     for i in range(3):
         for k in range(3):
@@ -253,8 +253,8 @@ def update(
     for i in range(3):
         change[i], variance[i] = z[TWIST + i], P[TWIST + i, TWIST + i]
     offset_from(z, pose, off)
-    nis = square_of(inverse3(P[:3, :3] + np.diag(beside)), Pose2(off[0], off[1], off[2]))
-    widen = (FREEDOM + min(nis, LARGEST)) / (FREEDOM + 3.0)
+    nis = mahalanobis_squared(inverse3(P[:3, :3] + np.diag(beside)), Pose2(off[0], off[1], off[2]))
+    widen = (STUDENT_DOF + min(nis, LARGEST)) / (STUDENT_DOF + 3.0)
     if widen > 1.0:  # [Roth13]: a match that surprises says that the prior was too sure
         scale_rows(P, POSE, SCALE, math.sqrt(widen))
     information = inverse3(inverse3(seen + WEAKEST * np.eye(3)) + np.diag(floor))

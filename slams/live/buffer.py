@@ -14,7 +14,7 @@ from slams.formats.sweep import Mounted
 from slams.live.series import IntegralSeries, PoseSeries, Series
 from slams.ros.attitude import ImuAttitude, headings
 from slams.ros.messages import IMU, ODOMETRY, READ, TF, Inertial, Record, seconds, store
-from slams.track import MAX_ATTITUDE_GAP
+from slams.time_series import MAX_ATTITUDE_GAP
 from slams.types import IDENTITY, Attitude, Pose2
 
 MAX_EARLY_READINGS = 4000  # of the gyro, kept until the base is known: 20 s at 200 Hz

@@ -1,6 +1,6 @@
 """Odometry and gyro as they come, looked up at a scan's stamp exactly as a recorded log's are.
 
-The sums are those of `slams.scanlog.Track`, one by one: a run of the recording gives the poses of
+The sums are those of `slams.time_series`, one by one: a run of the recording gives the poses of
 the live run, bit for bit.
 """
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.frontend.correlative import ALIKE, BEAMS, Lookup, Window, made_ready, search
+from slams.frontend.correlative import ALIKE, BEAMS, LikelihoodField, Window, pooled_field, search
 from slams.localize.distance_map import ROBUST_DISTANCES, DistanceMap
 from slams.localize.virtual import NARROW
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, wrap_angle
@@ -108,7 +108,7 @@ class MapIndex:
         return found
 
     @cached_property
-    def lookup(self) -> Lookup:
+    def likelihood_field(self) -> LikelihoodField:
         """Likelihood of walls: 1 at one, 0 from where on none pulls in the first round of a fit."""
         cell = self.distances.resolution
         every = max(1, round(SAMPLED / cell))
@@ -116,7 +116,7 @@ class MapIndex:
         wall = self.distances.distances.wall[first::every, first::every]
         likelihood = np.maximum(1.0 - wall * np.float32(cell / ROBUST_DISTANCES[0]), 0.0)
         x0, y0 = (self.distances.origin + (first + 0.5) * cell).tolist()
-        return made_ready(Lookup(likelihood, x0, y0, every * cell), BLOCK)
+        return pooled_field(LikelihoodField(likelihood, x0, y0, every * cell), BLOCK)
 
     def prepare(self, work: Work) -> bool:
         """Go on making what a search needs; whether it is complete."""
@@ -195,7 +195,7 @@ class Search:
         """Search a square, and keep its likely poses in free space."""
         window, distances = Window(tile, TILE, math.pi), self._index.distances
         enough = self._likely[:, 3].max(initial=ALIKE) - ALIKE
-        poses, lookups = search(self._index.lookup, self._ends.T, window, enough, ALIKE)
+        poses, lookups = search(self._index.likelihood_field, self._ends.T, window, enough, ALIKE)
         good = thinned(poses[(poses[:, 3] > enough) & self._index.has_room(poses)])
         for pose in good:
             pose[3] -= distances.evaluate(self._ends, Pose2(*pose[:3].tolist()))[1]

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.frontend.correlative import Lookup, Window, search
-from slams.frontend.degeneracy import of_scan
+from slams.frontend.correlative import LikelihoodField, Window, search
+from slams.frontend.degeneracy import scan_observability
 from slams.geometry import Prior
 from slams.refine.lines import LineMap, Match
 from slams.refine.params import RefineParams
@@ -60,7 +60,7 @@ class Found(NamedTuple):
 
 def read(scan: Scan, twist: Pose2) -> tuple[EndPoints, Pose2]:
     """End points of a scan, and their frame in that of the base at the stamp."""
-    points = EndPoints(SCANS).take(scan, twist)
+    points = EndPoints(SCANS).read(scan, twist)
     return points, points.at_stamp(IDENTITY).inverse()
 
 
@@ -93,7 +93,7 @@ class LocalMap:
         walls[iy, ix] = 1.0
         beside = np.asarray(cv2.dilate(walls, np.ones((3, 3), np.uint8)), np.float32)
         x0, y0 = low.tolist()
-        self._lookup = Lookup(np.maximum(walls, BESIDE * beside), x0, y0, CELL)
+        self._lookup = LikelihoodField(np.maximum(walls, BESIDE * beside), x0, y0, CELL)
 
     def search(self, ends: Floats, window: Window, enough: float) -> Found:
         """The best pose of a window for end points (2, n) [m]; `enough`: a score it must have."""
@@ -158,7 +158,7 @@ def observed(points: EndPoints, theta: float, spread: Floats) -> Floats:
         theta: its heading [rad] in the frame of the result.
         spread: (2, 2) [m^2].
     """
-    seen = of_scan(points, theta, known_otherwise=True)
+    seen = scan_observability(points, theta, known_otherwise=True)
     blind = np.array((seen.x, seen.y))
     projection: Floats = np.eye(2) - (1.0 - seen.share) * np.outer(blind, blind)
     squares, axes = np.linalg.eigh(spread)
@@ -171,7 +171,7 @@ def observed(points: EndPoints, theta: float, spread: Floats) -> Floats:
 def information_of(match: Match, seen: Floats) -> Floats:
     """Of a loop (3, 3): what the fit says of it, as far as the position is `seen` (2, 2)."""
     noise = np.diag(np.square(EDGE))
-    scan = match.seen + np.diag((BLIND, BLIND, BLIND))
+    scan = match.information + np.diag((BLIND, BLIND, BLIND))
     projection = np.eye(3)
     projection[:2, :2] = seen
     information = np.linalg.inv(CORRELATED * np.linalg.inv(scan) + noise)

@@ -12,7 +12,7 @@ import numpy as np
 
 from slams.geometry import add_prior, offset, solve3, wrap_angle
 from slams.jit import FAST, njit
-from slams.refine.surface_kernels import Surface
+from slams.refine.line_cell_kernels import Surface
 from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2
 

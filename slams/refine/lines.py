@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from slams.cells import move, zeros
 from slams.geometry import Prior
+from slams.refine.line_cell_kernels import LAYERS, SUMS, Splat, Surface, add_scan
 from slams.refine.line_kernels import Fit, evaluate, fit
 from slams.refine.params import RefineParams
-from slams.refine.surface_kernels import LAYERS, SUMS, Splat, Surface, add_scan
-from slams.scan.end_points import EndPoints, gap
+from slams.scan.end_points import EndPoints, pose_distance
 from slams.types import Floats, Pose2
 
 THINNED, ENOUGH = 4, 180  # a fit begins with every fourth beam, if those are so many
@@ -28,7 +28,7 @@ LEAST_ROWS, CELLS_PER_ROW = 1 << 18, 16  # of the pool: few cells have a wall
 Grid = NDArray[np.float32]
 
 
-UNKNOWN = np.zeros((3, 3))
+NO_INFORMATION = np.zeros((3, 3))
 
 
 class Match(NamedTuple):
@@ -40,9 +40,9 @@ class Match(NamedTuple):
     """
 
     pose: Pose2
-    share: float = 1.0
-    square: float = 0.0
-    seen: Floats = UNKNOWN
+    inlier_ratio: float = 1.0
+    mean_square: float = 0.0
+    information: Floats = NO_INFORMATION
     coarse: Pose2 | None = None
 
 
@@ -85,7 +85,7 @@ class LineMap:
         p = self.params
         self._scans += 1
         reach = max(p.reach, math.ceil(BLURRED * points.noise / self.surface.resolution))
-        once = max(STANDING * points.apart, ONCE)
+        once = max(STANDING * points.scan_interval, ONCE)
         splat = Splat(reach, p.side, p.weight_cap, self._scans, once)
         add_scan(self.surface, points.points, points.normals, points.n, pose, splat)
 
@@ -100,7 +100,7 @@ class LineMap:
         how = Fit(
             self.params.line_steps, tolerance, near, 1 if close else stride, soft, self.variance
         )
-        view, H = (points.points, points.facing, points.n, tuple(points.mount)), self._H
+        view, H = (points.points, points.rough_normals, points.n, tuple(points.mount)), self._H
         known = tuple(prior.pose), prior.information
         pose, share, square = fit(tuple(self.surface), view, tuple(start), known, tuple(how), H)
         variance = max(square, points.noise**2)
@@ -113,10 +113,10 @@ class LineMap:
         millimeters off.
         """
         cell = self.surface.resolution
-        if gap(points, coarse, start) <= CLOSE * cell:
+        if pose_distance(points, coarse, start) <= CLOSE * cell:
             return [self.fit(points, start, prior, close=True)]
         found = [self.fit(points, start, prior), self.fit(points, coarse, prior)]
-        same = gap(points, found[0].pose, found[1].pose) <= SAME * cell
+        same = pose_distance(points, found[0].pose, found[1].pose) <= SAME * cell
         return found[1:] if same else found
 
     def evaluate(self, points: EndPoints, pose: Pose2) -> tuple[float, float]:
@@ -127,7 +127,7 @@ class LineMap:
 
     def learn(self, match: Match, points: EndPoints) -> None:
         """Take this match's distances for usual."""
-        self.variance = max(match.square, points.noise**2)
+        self.variance = max(match.mean_square, points.noise**2)
 
     def _softness(self, points: EndPoints) -> float:
         return max(self.params.softness, SOFT * points.noise)

@@ -12,7 +12,7 @@ from slams.scan import scan_kernels as kernels
 from slams.scan.leveling import Leveling
 from slams.scan.moving_average import MovingAverage
 from slams.scan.params import ScanParams
-from slams.scan.scan_kernels import Grain, Limits, Points, Twist
+from slams.scan.scan_kernels import Limits, Points, ScanResolution, Twist
 from slams.types import IDENTITY, Laser, Pose2, Scan
 
 NEAR = 0.1  # m, between two beams with a straight wall between them
@@ -37,43 +37,43 @@ class EndPoints:
     buffers serve every scan.
     """
 
-    facing_error = 0.14  # rad, deviation of `facing`: of a chord of a few beams
+    rough_normal_error = 0.14  # rad, deviation of `facing`: of a chord of a few beams
 
     def __init__(self, params: ScanParams) -> None:
         self.params = params
         self.n = 0
-        self.far = 0.0
+        self.radius = 0.0
         self._noise = MovingAverage(MEMORY, params.range_noise)
         self._noises: dict[Pose2, MovingAverage] = {}  # by mounts: of each laser
         self._apart, self._t = MovingAverage(LONG), math.inf
         self._summed = self._known = self._chorded = False  # moments, normals, chords
         self.mount = IDENTITY
         self.step = 0.0
-        self.sweeps = False
+        self.has_sweep = False
         self._velocity = IDENTITY
         self._leveling = Leveling()
         self._laser: Laser | None = None
         self._size(1)
 
-    def take(self, scan: Scan, velocity: Pose2) -> EndPoints:
+    def read(self, scan: Scan, velocity: Pose2) -> EndPoints:
         """Read a scan; `velocity` of the base [m/s, rad/s] takes out the motion of the sweep."""
         laser = scan.laser
         if laser is not self._laser:
             self._adopt(laser, len(scan.ranges))
         self._summed = self._known = self._chorded = False
-        self.n, self.far = kernels.end_points(
+        self.n, self.radius = kernels.end_points(
             scan.ranges, self._directions, laser.mount, self._limits, self.points
         )
         self.mount = laser.mount
         leveled = self._leveling.project(scan, velocity, self.points, self.n, self._room)
         if leveled is not None:
-            self.n, self.far, self.mount = leveled
+            self.n, self.radius, self.mount = leveled
         self._measure_noise(scan.t)
         self._measure_apart(scan.t)
-        self.n = kernels.drop_lone(
-            self.points, self.n, self.mount, self.step, self.grain.slack, self._room
+        self.n = kernels.remove_isolated(
+            self.points, self.n, self.mount, self.step, self.resolution.slack, self._room
         )
-        if self.sweeps:
+        if self.has_sweep:
             self._velocity = velocity
             twist = Twist(*velocity, laser.time_increment, 0.5 * (laser.n_beams - 1))
             kernels.deskew(self.points, self.n, twist)
@@ -81,7 +81,7 @@ class EndPoints:
 
     def at_stamp(self, pose: Pose2) -> Pose2:
         """The base's pose at the stamp of the scan that was matched at `pose`."""
-        if not self.sweeps or self._laser is None:
+        if not self.has_sweep or self._laser is None:
             return pose
         return pose @ travelled(self._velocity, -0.5 * self._laser.sweep_time)
 
@@ -96,7 +96,7 @@ class EndPoints:
         return self._noise.value
 
     @property
-    def apart(self) -> float:
+    def scan_interval(self) -> float:
         """How far scans are apart [s], one second at most; 0 until there were two."""
         return self._apart.value
 
@@ -105,7 +105,7 @@ class EndPoints:
         """Running sums along the scan, and where its surfaces begin (6, n + 1): `scan_moments`."""
         if not self._summed:
             kernels.scan_moments(
-                self.points, self.n, self.mount, self.step, self.grain.slack, self._moments
+                self.points, self.n, self.mount, self.step, self.resolution.slack, self._moments
             )
             self._summed = True
         return self._moments
@@ -115,13 +115,19 @@ class EndPoints:
         """Of every end point the normal and the gap to its neighbors (3, >= n)."""
         if not self._known:
             kernels.scan_normals(
-                self.points, self.n, self.mount, self.step, self.grain, self.moments, self._room
+                self.points,
+                self.n,
+                self.mount,
+                self.step,
+                self.resolution,
+                self.moments,
+                self._room,
             )
             self._known = True
         return self._room
 
     @property
-    def facing(self) -> Points:
+    def rough_normals(self) -> Points:
         """Which way the surface at every end point faces, and the gap there (3, >= n).
 
         Normals where they are known already; to tell faces apart vectors across chords do as well.
@@ -129,15 +135,17 @@ class EndPoints:
         if self._known:
             return self._room
         if not self._chorded:
-            kernels.chords(self.points, self.n, self.mount, self.step, self.grain, self._chords)
+            kernels.chords(
+                self.points, self.n, self.mount, self.step, self.resolution, self._chords
+            )
             self._chorded = True
         return self._chords
 
     @property
-    def grain(self) -> Grain:
+    def resolution(self) -> ScanResolution:
         """How fine the scan is, by its noise."""
         window = max(self.params.normal_window, SMOOTH * self.noise)
-        return Grain(self.noise, window, max(SLACK, STRAY * self.noise))
+        return ScanResolution(self.noise, window, max(SLACK, STRAY * self.noise))
 
     def _measure_noise(self, t: float) -> None:
         """Where beams are so close together that a wall between them is straight."""
@@ -164,7 +172,7 @@ class EndPoints:
         usual = MovingAverage(MEMORY, self.params.range_noise)
         self._noise = self._noises.setdefault(laser.mount, usual)
         self._directions = laser.directions
-        self.sweeps = self.params.deskew and laser.time_increment > 0.0
+        self.has_sweep = self.params.deskew and laser.time_increment > 0.0
         near = max(self.params.min_range, laser.range_min)
         self._limits = Limits(near, self.params.max_range)
         if n_beams > self.points.shape[1]:
@@ -177,7 +185,7 @@ class EndPoints:
         self._moments = np.zeros((6, n_beams + 1))
 
 
-def gap(points: EndPoints, one: Pose2, other: Pose2) -> float:
+def pose_distance(points: EndPoints, one: Pose2, other: Pose2) -> float:
     """Distance of two poses [m], as the end points half way out see it."""
     turn = math.remainder(one.theta - other.theta, 2.0 * math.pi)
-    return math.hypot(one.x - other.x, one.y - other.y) + 0.5 * points.far * abs(turn)
+    return math.hypot(one.x - other.x, one.y - other.y) + 0.5 * points.radius * abs(turn)

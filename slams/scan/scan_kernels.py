@@ -25,7 +25,7 @@ class Limits(NamedTuple):
     far: float
 
 
-class Grain(NamedTuple):
+class ScanResolution(NamedTuple):
     """How fine a scan is: noise of its ranges, half window of a normal, slack of a surface [m]."""
 
     noise: float
@@ -148,7 +148,9 @@ def beyond_chords(
 
 
 @njit
-def drop_lone(points: Points, n: int, mount: Pose2, step: float, slack: float, out: Points) -> int:
+def remove_isolated(
+    points: Points, n: int, mount: Pose2, step: float, slack: float, out: Points
+) -> int:
     """Leave out end points that have no company, in place; how many are left. `out` is room.
 
     ours: rain, smoke, mixed pixels and faults are one beam each, a surface is several. Company are
@@ -242,7 +244,13 @@ def window_normal(
 
 @njit
 def scan_normals(
-    points: Points, n: int, mount: Pose2, step: float, grain: Grain, moments: Floats, out: Points
+    points: Points,
+    n: int,
+    mount: Pose2,
+    step: float,
+    grain: ScanResolution,
+    moments: Floats,
+    out: Points,
 ) -> None:
     """Normal of the scan at each end point, toward the sensor, and the gap to its neighbors.
 
@@ -271,7 +279,9 @@ def scan_normals(
 
 
 @njit
-def chords(points: Points, n: int, mount: Pose2, step: float, grain: Grain, out: Points) -> None:
+def chords(
+    points: Points, n: int, mount: Pose2, step: float, grain: ScanResolution, out: Points
+) -> None:
     """Which way the surface at each end point faces, toward the sensor; 0, 0 where it has none.
 
     ours: across the chord of the beams that `scan_normals` fits a line to, and as long, in a fifth

@@ -12,7 +12,7 @@ from bench.run.plan import conditions_of
 from bench.sim.degrade import CATALOG, degrade
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
-from slams.scanlog import ScanLog, Track
+from slams.scanlog import ScanLog, TimeSeries
 from tests.rooms import ROOM, cast, drive, laser, way
 
 
@@ -112,7 +112,7 @@ def test_levels_out_of_bounds(text, sentence):
 def test_a_log_that_has_nothing_to_spoil_is_refused():
     log = plain(5)
     bare = ScanLog(log.t, log.ranges, log.laser)
-    elsewhere = dataclasses.replace(bare, truth=Track(log.t + 99.0, log.truth.values))
+    elsewhere = dataclasses.replace(bare, truth=TimeSeries(log.t + 99.0, log.truth.values))
     for name, given, word in (
         ("slip", bare, "odometry"),
         ("gyro_bias", bare, "gyro"),
@@ -131,10 +131,10 @@ def odd_logs():
     log = plain(40)
     back = np.array(log.t)
     back[20:] -= 0.5
-    noted = [Track(back, track.values) for track in (log.odom, log.truth, log.yaw_rate)]
+    noted = [TimeSeries(back, track.values) for track in (log.odom, log.truth, log.yaw_rate)]
     jumps = ScanLog(back, log.ranges, log.laser, *noted)
     blind = dataclasses.replace(log, ranges=np.full_like(log.ranges, np.nan))
-    late = dataclasses.replace(log, truth=Track(log.t[10:], log.truth.values[10:]))
+    late = dataclasses.replace(log, truth=TimeSeries(log.t[10:], log.truth.values[10:]))
     return {
         "no odometry": log.select(odometry=False),
         "one scan": log.rows(slice(0, 1)),
@@ -173,7 +173,7 @@ def test_rate_keeps_the_scans_nearest_to_an_even_rate():
     assert len(degrade(log, "rate", 20, 0)) == len(degrade(log, "rate", 500, 0)) == len(log)
     uneven = degrade(log, "rate", 15, 0)
     assert len(uneven) == 90 and set(np.round(np.diff(uneven.t), 6)) == {0.05, 0.1}
-    faster = dataclasses.replace(log, odom=Track(np.linspace(0, 6, 601), np.zeros((601, 3))))
+    faster = dataclasses.replace(log, odom=TimeSeries(np.linspace(0, 6, 601), np.zeros((601, 3))))
     assert degrade(faster, "rate", 2, 0).odom is faster.odom
 
 
@@ -323,7 +323,7 @@ def test_gap_and_blind_spell_last_as_long_as_they_should(back):
     """Stamps that jump back in the middle take no time."""
     log = plain()
     t = np.where(np.arange(len(log)) < 60, log.t, log.t - back)
-    log = dataclasses.replace(log, t=t, odom=Track(t, log.odom.values))
+    log = dataclasses.replace(log, t=t, odom=TimeSeries(t, log.odom.values))
     assert len(degrade(log, "rate", 5, 0)) == 30
     missing, unseen = degrade(log, "gap", 2, 5), degrade(log, "blind", 2, 5)
     assert back or np.diff(missing.t).max() == pytest.approx(2.05, abs=0.06)
@@ -344,9 +344,9 @@ def test_speed_is_the_same_way_in_less_time_under_the_same_laser():
     late = dataclasses.replace(
         log,
         t=log.t + 100.0,
-        odom=Track(log.t + 100.0, log.odom.values),
-        truth=Track(log.t + 100.0, log.truth.values),
-        yaw_rate=Track(log.t + 100.0, log.yaw_rate.values),
+        odom=TimeSeries(log.t + 100.0, log.odom.values),
+        truth=TimeSeries(log.t + 100.0, log.truth.values),
+        yaw_rate=TimeSeries(log.t + 100.0, log.yaw_rate.values),
         laser=dataclasses.replace(log.laser, time_increment=2e-4),
     )
     fast = degrade(late, "speed", 2, 0)

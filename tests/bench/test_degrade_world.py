@@ -13,7 +13,7 @@ from bench.sim.degrade.people_kernels import NEAR, stroll
 from bench.sim.people import LEG
 from bench.sim.rays import rays_of
 from bench.sim.wheels import integrate, steps
-from slams.scanlog import ScanLog, Track
+from slams.scanlog import ScanLog, TimeSeries
 from slams.types import Pose2, wrap_angle
 from tests.rooms import box, cast, drive, laser
 
@@ -83,7 +83,7 @@ def test_people_walk_at_their_pace_near_the_robot_and_keep_off():
 
 def test_people_where_the_truth_ends():
     log = plain()
-    part = dataclasses.replace(log, truth=Track(log.truth.t[:100], log.truth.values[:100]))
+    part = dataclasses.replace(log, truth=TimeSeries(log.truth.t[:100], log.truth.values[:100]))
     degraded = degrade(part, "people", 8, 0)
     hit = (degraded.ranges < log.ranges).any(axis=1)
     assert hit[:100].mean() > 0.8 and not hit[100:].any()
@@ -104,7 +104,7 @@ def hall_log(poses):
     lidar = laser(1081, mount=MOUNT)
     ranges = np.array([cast(HALL, pose, lidar) for pose in poses], np.float32)
     t = np.arange(len(poses)) / 10.0
-    return ScanLog(t, ranges, lidar, truth=Track(t, np.array(poses, float)))
+    return ScanLog(t, ranges, lidar, truth=TimeSeries(t, np.array(poses, float)))
 
 
 def aslant(log):

@@ -14,7 +14,7 @@ from bench.run.foreign import Foreign, foreign_case
 from slams import OccupancyGrid, Pose2
 from slams.formats.occupancy import write_map
 from slams.metrics import between
-from slams.scanlog import Track
+from slams.scanlog import TimeSeries
 from tests import bags
 from tests.bench.compared import compared
 from tests.rooms import drive, moved
@@ -42,7 +42,7 @@ def estimate(log):
     truth = log.truth_at(log.t)[::2]
     rng = np.random.default_rng(4)
     steps = rng.normal(0.0, (0.01, 0.01, 0.004), truth.shape)
-    return Track(log.t[::2], moved(OTHER, truth + steps))
+    return TimeSeries(log.t[::2], moved(OTHER, truth + steps))
 
 
 def test_errors_of_a_tum_file_are_those_of_evo(log, estimate, tmp_path):
@@ -81,7 +81,7 @@ def test_errors_of_a_tum_file_are_those_of_evo(log, estimate, tmp_path):
 
 def test_a_run_of_ours_read_back_is_the_same_row(log, tmp_path):
     own = replayed("hector", log, Choice())
-    again = foreign_case(Foreign("x", Track(own.t, moved(OTHER, own.poses)), None), log)
+    again = foreign_case(Foreign("x", TimeSeries(own.t, moved(OTHER, own.poses)), None), log)
     assert again.frame == pytest.approx(OTHER)
     np.testing.assert_allclose(again.poses, own.poses, atol=1e-12)
     for name, errors in own.errors.items():
@@ -96,7 +96,7 @@ def test_a_run_of_ours_read_back_is_the_same_row(log, tmp_path):
 def test_between_stamps_the_truth_is_interpolated_and_nothing_is_extrapolated(log):
     t = np.linspace(log.t[0] - 1.0, log.t[-1] + 1.0, 300)
     shown = log.truth.poses_at(np.clip(t, log.t[0], log.t[-1]))
-    found = foreign_case(Foreign("x", Track(t, shown), None), log)
+    found = foreign_case(Foreign("x", TimeSeries(t, shown), None), log)
     assert found.t.min() >= log.t[0] - 1.1 * log.scan_period
     assert found.row["errors"]["ate_m"] < 1e-9
     inside = (found.t >= log.truth.t.min()) & (found.t <= log.truth.t.max())
@@ -105,7 +105,7 @@ def test_between_stamps_the_truth_is_interpolated_and_nothing_is_extrapolated(lo
 
 
 def test_a_program_that_starts_late_is_seen_from_the_first_scan(log, estimate):
-    late = Track(estimate.t[9:], estimate.values[9:])
+    late = TimeSeries(estimate.t[9:], estimate.values[9:])
     found = foreign_case(Foreign("x", late, None), log)
     truth = between(np.repeat(log.truth_at(log.t[:1]), len(late.t), axis=0), log.truth_at(late.t))
     assert np.abs(found.poses[:, :2] - truth[:, :2]).max() < 0.1, "in the frame of the others"
@@ -120,11 +120,11 @@ def test_relations_are_met_by_interpolation(log, estimate):
         for a, b in pairs
     ]
     relations = np.array(rows)
-    fine = Track(log.t[::2], moved(OTHER, truth[::2]))
+    fine = TimeSeries(log.t[::2], moved(OTHER, truth[::2]))
     found = foreign_case(Foreign("x", fine, None), log, relations)
     assert found.row["relations"]["used"] == 2
     assert found.row["relations"]["all"]["translation_m"]["max"] < 0.01
-    short = Track(log.t[:60:2], moved(OTHER, truth[:60:2]))
+    short = TimeSeries(log.t[:60:2], moved(OTHER, truth[:60:2]))
     assert foreign_case(Foreign("x", short, None), log, relations).row["relations"]["used"] == 1
 
 

@@ -30,7 +30,7 @@ def mapped(n=10, **changes):
 
 
 def reader_of(scan):
-    return ScanReader(Parameters()).take(scan, IDENTITY)
+    return ScanReader(Parameters()).read(scan, IDENTITY)
 
 
 def noisy_view(seed=4, pose=IDENTITY):

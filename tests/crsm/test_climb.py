@@ -14,7 +14,7 @@ from crsm.match_kernels import Expected, climb, fitness, score
 from crsm.matcher import FINEST, FIRST, LONGEST, MEMORY, ROUGH, Matcher
 from slams.frontend.motion_filter import Prediction
 from slams.jit import njit
-from slams.scan.end_points import gap
+from slams.scan.end_points import pose_distance
 from slams.types import IDENTITY, Pose2
 from tests.crsm.room import Parameters, mapped, noisy_view
 from tests.crsm.test_map import RULE, blank, darkness_at, wall
@@ -89,13 +89,13 @@ def test_restarts_find_what_one_climb_does_not():
     matcher = Matcher(Parameters(), slam._map)
     alone = matcher.climb(view, OFF, expecting(OFF, 0.3))
     assert matcher.restarts == 0  # nothing is usual yet
-    assert gap(view, alone.pose, IDENTITY) > 0.2
+    assert pose_distance(view, alone.pose, IDENTITY) > 0.2
     for _ in range(5 * MEMORY):
         matcher.learn(view, IDENTITY)
     found = matcher.climb(view, OFF, expecting(OFF, 0.3))
-    assert gap(view, found.pose, IDENTITY) < 0.05
+    assert pose_distance(view, found.pose, IDENTITY) < 0.05
     assert 0 < matcher.restarts <= Parameters().climbs + 1
-    assert found.share > 0.9 * matcher.usual
+    assert found.inlier_ratio > 0.9 * matcher.usual
 
 
 def test_a_prior_counts_by_the_noise_over_the_width_of_a_wall(monkeypatch):
@@ -114,9 +114,9 @@ def test_a_fit_to_lines_follows_a_rough_climb_and_weighs_it(monkeypatch):
     alone = Matcher(Parameters(refine=False), slam._map)
     found = alone.climb(view, IDENTITY, expecting(IDENTITY, 0.1))
     assert [finest for *_, finest in made] == [ROUGH, FINEST]
-    assert not rough.seen.any()
-    seen = view.information(found.pose.theta) * found.share
-    assert found.seen == pytest.approx(seen)
+    assert not rough.information.any()
+    seen = view.information(found.pose.theta) * found.inlier_ratio
+    assert found.information == pytest.approx(seen)
 
 
 @pytest.mark.parametrize("kind", ["stall=3", "jitter=50"])

@@ -130,7 +130,7 @@ def test_critical_rays_equal_the_naive_selection():
 def test_at_most_half_of_the_points_are_rays_unless_they_are_few():
     for beams, rays in ((361, 150), (101, LEAST_RAYS), (41, 41)):
         reader = ScanReader(Parameters(critical_rays=150))
-        reader.take(scan_at(IDENTITY, laser(beams)), IDENTITY)
+        reader.read(scan_at(IDENTITY, laser(beams)), IDENTITY)
         assert len(reader.ends) == pytest.approx(rays, abs=0.1 * rays)
 
 

@@ -66,14 +66,14 @@ def pieces_of(points, normals, mount=IDENTITY, grain=0.0):
 
 def surface_of(pose, laser=LASER, walls=ROOM):
     """Pieces of a scan without noise, one for each beam."""
-    view = View(GMappingParams(grain=0.0, max_range=laser.range_max)).take(
+    view = View(GMappingParams(grain=0.0, max_range=laser.range_max)).read(
         seen(pose, laser, walls), IDENTITY
     )
     return view.pieces.copy()
 
 
 def view_of(pose, **changes):
-    return View(GMappingParams(**changes)).take(seen(pose), IDENTITY)
+    return View(GMappingParams(**changes)).read(seen(pose), IDENTITY)
 
 
 def mapped(surface, pose=(0.0, 0.0, 0.0), n=1):

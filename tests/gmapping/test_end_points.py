@@ -87,7 +87,9 @@ def test_a_posterior_is_prior_and_likelihood_and_given_up_below_a_floor():
     ends = surface_of(IDENTITY)
     tiles, mean, known = tiles_of(ends), np.array([0.02, 0.0, 0.01]), np.diag([1e3, 2e3, 3e3])
     off = THERE - mean
-    prior = -0.5 * (geometry.FREEDOM + 3.0) * math.log1p(off @ known @ off / geometry.FREEDOM)
+    prior = (
+        -0.5 * (geometry.STUDENT_DOF + 3.0) * math.log1p(off @ known @ off / geometry.STUDENT_DOF)
+    )
     total, _ = distances(tiles, 0, THERE, ends, FIELD.soft, math.inf)
     exact = prior - 0.5 * FIELD.worth * total
     args = posterior(tiles, ends, [mean], known), FIELD, 0, THERE
@@ -145,11 +147,11 @@ def test_a_match_tells_share_and_information_without_the_prior():
         for k in (1.0, 1e7)
     )
     np.testing.assert_allclose(weak.pose, 0.0, atol=1e-3)
-    assert weak.share == pytest.approx(1.0, abs=0.02)
-    assert (np.linalg.eigvalsh(weak.seen) > 1e3).all()
-    np.testing.assert_allclose(np.diag(strong.seen), np.diag(weak.seen), rtol=0.5)
+    assert weak.inlier_ratio == pytest.approx(1.0, abs=0.02)
+    assert (np.linalg.eigvalsh(weak.information) > 1e3).all()
+    np.testing.assert_allclose(np.diag(strong.information), np.diag(weak.information), rtol=0.5)
     far = Pose2(0.7, 0.4, 0.3)
-    assert matcher.match(view, 0, geometry.Prior(far, 1e9 * np.eye(3)), far).share < 0.5
+    assert matcher.match(view, 0, geometry.Prior(far, 1e9 * np.eye(3)), far).inlier_ratio < 0.5
 
 
 def test_the_nearest_mean_moves_with_the_cell_it_is_of():

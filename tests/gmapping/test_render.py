@@ -44,11 +44,11 @@ def test_scans_whose_pose_has_changed_are_drawn_anew_and_no_longer_where_they_we
 def test_a_snapshot_stays_as_it_is_and_a_part_is_cut_to_what_was_observed():
     renderer, poses = Renderer(EDGE, 0.25, 1 << 20), np.zeros((1, 3))
     assert np.isnan(renderer.snapshot(poses[:0])().p).all()
-    assert renderer.cut(Box.around(0.0, 0.0, 5.0)) is None
+    assert renderer.crop(Box.around(0.0, 0.0, 5.0)) is None
     renderer.keep(np.array([[1.0, 0.0], [0.0, 0.0]]), IDENTITY)
     draw = renderer.snapshot(poses)
     renderer.keep(np.array([[0.0, 1.0], [0.0, 0.0]]), IDENTITY)
-    grid, part = draw(), renderer.cut(Box(0.5, -1.0, 3.0, 1.0))
+    grid, part = draw(), renderer.crop(Box(0.5, -1.0, 3.0, 1.0))
     assert grid.p.shape == (1, 11) and grid.origin == pytest.approx((-0.05, -0.05))
     assert grid.p[0].tolist() == [0.0] * 10 + [1.0]
     assert part.p.tolist() == [[0.0] * 5 + [1.0]] and part.origin == pytest.approx((0.45, -0.05))

@@ -73,7 +73,7 @@ def test_one_step_weighs_scan_and_prior_as_by_hand():
     poses, _, _ = climb(of, [start], HOW._replace(steps=1, wide=0.03))
     h, gradient, *_ = linearized(tiles, start, surface, 0.03)
     off = mean - start
-    w = HOW.variance * (geometry.FREEDOM + 3.0) / (geometry.FREEDOM + off @ known @ off)
+    w = HOW.variance * (geometry.STUDENT_DOF + 3.0) / (geometry.STUDENT_DOF + off @ known @ off)
     step = np.linalg.solve(h + w * known, w * known @ off - gradient)
     np.testing.assert_allclose(poses[0], start + step, atol=1e-12)
 
@@ -144,15 +144,15 @@ def test_a_match_tells_share_noise_and_information():
     h, _, _, close, squares, _ = linearized(
         matcher.tiles.tiles, match.pose, view.pieces, GMappingParams().width
     )
-    assert match.share == pytest.approx(close / view.beams) and match.share > 0.9
-    np.testing.assert_allclose(match.seen, h / max(squares, view.noise**2), rtol=1e-3)
+    assert match.inlier_ratio == pytest.approx(close / view.beams) and match.inlier_ratio > 0.9
+    np.testing.assert_allclose(match.information, h / max(squares, view.noise**2), rtol=1e-3)
 
 
 def test_a_proposal_keeps_the_way_along_a_bare_corridor():
     laser = Laser(-math.pi / 2, math.radians(1.0), 181, 0.1, 8.0)
     scan = seen(IDENTITY, laser=laser, walls=CORRIDOR, rng=np.random.default_rng(1), noise=0.02)
     params = GMappingParams(n_particles=1, max_tiles=5000, max_range=8.0)
-    matcher, view = SurfaceMatcher(params), View(params).take(scan, IDENTITY)
+    matcher, view = SurfaceMatcher(params), View(params).read(scan, IDENTITY)
     matcher.tiles.cover(np.zeros((1, 3)), 10.0)
     assert matcher.insert(view, np.zeros((1, 3)), 1.0)
     known = np.diag([4.0, 4.0, 400.0])
@@ -168,11 +168,11 @@ def test_a_view_has_all_beams_of_the_scan_in_fewer_pieces(monkeypatch):
     assert len(view.pieces) < LASER.n_beams
     assert view.beams == view.pieces[:, 4].sum() == pytest.approx(LASER.n_beams, abs=6)
     np.testing.assert_allclose(np.hypot(*view.pieces[:, 2:4].T), 1.0)
-    assert view.far == pytest.approx(seen(IDENTITY).ranges.max(), abs=1e-6)
+    assert view.radius == pytest.approx(seen(IDENTITY).ranges.max(), abs=1e-6)
     ray = view.ray
     np.testing.assert_array_equal(ray[:-1], view.pieces[:, :2].astype(np.float32))
     assert ray[-1].tolist() == [0.0, 0.0]  # the laser
-    view.take(seen(Pose2(0.5, 0.0, 0.0)), IDENTITY)
+    view.read(seen(Pose2(0.5, 0.0, 0.0)), IDENTITY)
     assert not np.array_equal(ray, view.ray)  # a copy, to be kept
 
 
@@ -188,7 +188,7 @@ def test_normals_are_those_of_the_walls_and_face_the_laser():
 def test_the_far_end_of_a_bare_corridor_tells_nothing_along_it():
     """Beams there are meters apart and move with the robot."""
     scan = scan_at(IDENTITY, laser(361), CORRIDOR, 0.01, np.random.default_rng(1))
-    pieces = View(GMappingParams()).take(scan, IDENTITY).pieces
+    pieces = View(GMappingParams()).read(scan, IDENTITY).pieces
     assert len(pieces) > 150 and np.abs(pieces[:, 2]).max() < 0.5
 
 

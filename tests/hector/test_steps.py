@@ -11,7 +11,7 @@ from hector.match_kernels import Solver, gauss_newton, normal_equations
 from slams.geometry import Prior
 from slams.refine.line_kernels import View, line_equations
 from slams.refine.lines import ENOUGH
-from slams.scan.end_points import EndPoints, gap
+from slams.scan.end_points import EndPoints, pose_distance
 from slams.types import IDENTITY, Pose2
 from tests.rooms import NOTHING, calls, drive, laser, made, scan_at, settled
 
@@ -33,10 +33,10 @@ def test_one_step_of_gauss_newton_is_damped_and_limited():
 
 def test_two_poses_are_apart_as_the_ends_half_way_out_see_it():
     points = settled("hector", 1)._scan
-    points.far = 8.0
+    points.radius = 8.0
     for other, apart in ((Pose2(0.3, 0.4, 0.0), 0.5), (Pose2(0.0, 0.0, -0.1), 0.4)):
-        assert gap(points, IDENTITY, other) == pytest.approx(apart)
-    across = gap(points, Pose2(0.0, 0.0, 3.1), Pose2(0.0, 0.0, -3.1))
+        assert pose_distance(points, IDENTITY, other) == pytest.approx(apart)
+    across = pose_distance(points, Pose2(0.0, 0.0, 3.1), Pose2(0.0, 0.0, -3.1))
     assert across == pytest.approx(4.0 * (2.0 * np.pi - 6.2))
 
 
@@ -48,10 +48,10 @@ def mapped(beams):
     """A map of the room from its middle, and a scan that is taken a little off it."""
     params = HectorParams()
     grids, points = LogOddsPyramid(params), EndPoints(params)
-    points.take(scan_at(IDENTITY, laser(beams)), IDENTITY)
+    points.read(scan_at(IDENTITY, laser(beams)), IDENTITY)
     for _ in range(3):
         grids.insert(points, IDENTITY)
-    return grids, points.take(scan_at(MOVED, laser(beams)), IDENTITY)
+    return grids, points.read(scan_at(MOVED, laser(beams)), IDENTITY)
 
 
 def test_in_the_end_all_beams_count(monkeypatch):
@@ -60,8 +60,10 @@ def test_in_the_end_all_beams_count(monkeypatch):
     monkeypatch.setattr("slams.refine.lines.THINNED", 1)
     thorough = grids.lines.fit(points, IDENTITY, LOOSE)
     assert quick.pose == pytest.approx(thorough.pose, abs=2e-4)
-    assert quick.share == pytest.approx(thorough.share, abs=0.01)
-    assert quick.seen == pytest.approx(thorough.seen, rel=0.05, abs=0.05 * thorough.seen[2, 2])
+    assert quick.inlier_ratio == pytest.approx(thorough.inlier_ratio, abs=0.01)
+    assert quick.information == pytest.approx(
+        thorough.information, rel=0.05, abs=0.05 * thorough.information[2, 2]
+    )
 
 
 @pytest.mark.parametrize(("rate", "looks"), [(10.0, 40), (40.0, 10)])
@@ -94,10 +96,10 @@ def test_what_cells_say_is_never_surer_than_their_ridges_are_exact(monkeypatch):
     level, solver = grids.levels[0], grids._solvers(points.n // ENOUGH)[0]
     H = np.zeros((3, 3))
     _, _, square = gauss_newton(level, points.points, points.n, found.pose, prior, solver, H)
-    assert found.seen == pytest.approx(H / max(square, BLUR), rel=0.05, abs=1.0)
-    assert found.seen[0, 0] > 5.0 * H[0, 0]
+    assert found.information == pytest.approx(H / max(square, BLUR), rel=0.05, abs=1.0)
+    assert found.information[0, 0] > 5.0 * H[0, 0]
     monkeypatch.setattr(match_kernels, "climb", lambda *_: (tuple(IDENTITY), 1.0, 0.0))
-    assert grids.climb(points, IDENTITY, prior).seen == pytest.approx(grids._H / BLUR)
+    assert grids.climb(points, IDENTITY, prior).information == pytest.approx(grids._H / BLUR)
 
 
 @pytest.mark.parametrize(

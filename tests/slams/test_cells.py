@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.lib.array_utils import byte_bounds
 
-from slams.cells import PAGE, PAGEMAP, Room, filled, given_pages, move, zeros
+from slams.cells import PAGE, PAGEMAP, GridStorage, filled, given_pages, move, zeros
 from slams.grid_bounds import MAX_UNSEEN_DISTANCE, Box, GridBounds
 from slams.player import WARM_UP_SCANS, replay, warm_up
 from slams.registry import find
-from slams.scanlog import Track
+from slams.scanlog import TimeSeries
 from slams.summary import as_text, summarize
 from tests.rooms import ALGORITHMS, ORIGINALS, drive
 
@@ -45,7 +45,7 @@ def test_without_the_system_telling_all_pages_count(monkeypatch, tmp_path):
 
 
 def test_a_room_is_a_square_around_the_origin():
-    room = Room(2_500, 0.1, block=4)
+    room = GridStorage(2_500, 0.1, block=4)
     assert (room.width, room.height) == (96, 96)
     assert room.corner == pytest.approx((-4.8, -4.8))
     assert room.reach(Box(-4.75, -4.8, 4.8, 4.75)) is None
@@ -53,7 +53,7 @@ def test_a_room_is_a_square_around_the_origin():
 
 
 def test_rows_of_a_large_room_are_no_whole_pages():
-    room = Room(1 << 24, 0.05, block=4)
+    room = GridStorage(1 << 24, 0.05, block=4)
     assert (room.width, room.height) == (8196, 8192)
     assert room.corner == pytest.approx((-204.8, -204.8))
 
@@ -68,7 +68,7 @@ def test_rows_of_a_large_room_are_no_whole_pages():
     ],
 )
 def test_a_room_grows_in_blocks_to_the_side_it_needs(box, added):
-    room, before = Room(2_500, 0.1, block=4), Room(2_500, 0.1, block=4)
+    room, before = GridStorage(2_500, 0.1, block=4), GridStorage(2_500, 0.1, block=4)
     assert room.reach(box) == added
     assert room.reach(box) is None
     assert (before.y0 - room.y0, before.x0 - room.x0) == added
@@ -117,7 +117,9 @@ def test_blocks_count_from_where_an_array_begins(offset):
 def test_a_map_that_outgrows_its_room_is_the_same_in_a_larger_one(name, monkeypatch):
     log, entry = drive(n=60), find(name)
     roomy = entry.cls(entry.params())
-    monkeypatch.setattr(f"{name}.map.Room", lambda _, cell, block: Room(1 << 12, cell, block))
+    monkeypatch.setattr(
+        f"{name}.map.GridStorage", lambda _, cell, block: GridStorage(1 << 12, cell, block)
+    )
     narrow = entry.cls(entry.params())
     first = narrow._map._room.width
     for scan in log:
@@ -157,7 +159,7 @@ def degraded(meters):
     log = drive(n=40)
     values = log.odom.values.copy()
     values[20:, 1] += meters
-    return dataclasses.replace(log, odom=Track(log.odom.t, values))
+    return dataclasses.replace(log, odom=TimeSeries(log.odom.t, values))
 
 
 def kept_mb(label, log, **changes):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from slams import load
-from slams.scanlog import ScanLog, Track, load_npz
+from slams.scanlog import ScanLog, TimeSeries, load_npz
 from slams.types import Laser, Pose2
 
 T = np.array([0.0, 0.1, 0.2])
@@ -97,7 +97,7 @@ def test_save_load_round_trip_and_equal_bytes(tmp_path):
 
 
 def test_truth_is_interpolated_over_the_unwrapped_angle_and_never_extrapolated():
-    track = Track(np.array([0.0, 1.0]), np.array([[0.0, 0.0, 3.0], [2.0, 4.0, -3.0]]))
+    track = TimeSeries(np.array([0.0, 1.0]), np.array([[0.0, 0.0, 3.0], [2.0, 4.0, -3.0]]))
     poses = track.poses_at(np.array([-0.1, 0.5, 1.0, 1.1]))
     assert np.isnan(poses[[0, 3]]).all()
     assert poses[1, :2] == pytest.approx([1.0, 2.0])

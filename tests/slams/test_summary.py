@@ -10,7 +10,7 @@ from bench.judge.metrics import pairs_over_way
 from slams import Params, metrics, player
 from slams.player import Run
 from slams.registry import create
-from slams.scanlog import ScanLog, Track
+from slams.scanlog import ScanLog, TimeSeries
 from slams.summary import as_json, as_text, cost, summarize, truth_errors
 from slams.types import Pose2
 from tests.rooms import laser, moved
@@ -29,7 +29,7 @@ def log_of(truth=None, covered=None):
     ranges[3] = np.inf
     ranges[4, :3] = np.nan  # some beams return
     covered = slice(None) if covered is None else covered
-    track = None if truth is None else Track(T[covered], truth[covered])
+    track = None if truth is None else TimeSeries(T[covered], truth[covered])
     return ScanLog(T, ranges, laser(5), None, track, None, {"name": "by hand"})
 
 

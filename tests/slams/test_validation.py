@@ -8,7 +8,7 @@ import pytest
 
 import slams
 from slams import LiveSlam, Pose2
-from slams.scanlog import ScanLog, Track
+from slams.scanlog import ScanLog, TimeSeries
 from tests.rooms import drive, fields_of, push_fields, rewritten, scan_at
 
 LIVE = "hector"
@@ -48,7 +48,7 @@ def test_a_truth_from_another_file_is_looked_at_too(tmp_path):
 def test_a_log_made_in_python_is_looked_at_too():
     log = drive(n=3)
     with pytest.raises(ValueError, match="odom: got values as great as"):
-        ScanLog(log.t, log.ranges, log.laser, Track(log.t, np.full((3, 3), 1e8)))
+        ScanLog(log.t, log.ranges, log.laser, TimeSeries(log.t, np.full((3, 3), 1e8)))
 
 
 @pytest.fixture

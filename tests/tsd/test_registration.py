@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from slams.geometry import FREEDOM
+from slams.geometry import STUDENT_DOF
 from slams.types import IDENTITY, Pose2
 from tests.rooms import NOTHING, error, laser, scan_at
 from tests.tsd import naive as naive_tsd
@@ -76,7 +76,7 @@ def test_alignment_equals_gauss_newton_by_hand():
         J = np.array([n[0], n[1], n[1] * lever[0] - n[0] * lever[1]])
         w = 1.0 / (1.0 / information + 0.01**2) / (1.0 + (v / 0.09) ** 2) ** 2
         H, b = H + w * np.outer(J, J), b - w * J * v
-    prior = prior * (FREEDOM + 3.0) / (FREEDOM + (known - start) @ prior @ (known - start))
+    prior = prior * (STUDENT_DOF + 3.0) / (STUDENT_DOF + (known - start) @ prior @ (known - start))
     expected = np.linalg.solve(H + prior, b + prior @ (known - start))
     assert found - start == pytest.approx(expected, rel=1e-9)
     assert room[:3] == pytest.approx(H)

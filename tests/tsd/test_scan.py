@@ -82,8 +82,8 @@ def test_dust_neither_thins_the_walls_nor_multiplies_the_elements():
     scan = scan_at((0.3, -0.2, 0.5), laser(1081), noise=0.01, rng=rng)
     struck = rng.random(1081) < 0.3
     short = np.where(struck, rng.uniform(0.1, scan.ranges), scan.ranges).astype(np.float32)
-    few = clean._scan.take(scan, IDENTITY).count
-    assert dusty._scan.take(dataclasses.replace(scan, ranges=short), IDENTITY).count < 1.5 * few
+    few = clean._scan.read(scan, IDENTITY).count
+    assert dusty._scan.read(dataclasses.replace(scan, ranges=short), IDENTITY).count < 1.5 * few
 
 
 BEAMS = Beams(0.0, 0.0, 0.01)

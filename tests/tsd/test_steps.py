@@ -53,7 +53,7 @@ def registered(slam, shares, deviation, monkeypatch, start=None):
     tried = calls(monkeypatch, registration, "ransac")
     prior = prediction(slam, deviation)
     found = registration.match(slam._scan, start or prior.pose, prior)
-    return len(tried), found.share
+    return len(tried), found.inlier_ratio
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_too_few_pairs_are_no_pose(least, posed):
     slam = settled(5, min_known=least)
     start = Pose2(0.01, 0.0, 0.0)
     found = slam._registration.icp(slam._scan, start, NOTHING)
-    assert (found.share > 0.9 and found.pose != start) == posed
+    assert (found.inlier_ratio > 0.9 and found.pose != start) == posed
     away = Pose2(30.0, 0.0, 0.0)
     assert slam._registration.icp(slam._scan, away, NOTHING).pose == away
 

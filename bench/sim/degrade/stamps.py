@@ -9,7 +9,7 @@ import numpy as np
 
 from bench.sim.degrade.degradation import degradation
 from bench.sim.degrade.spells import at_rate, spell
-from slams.scanlog import ScanLog, Track
+from slams.scanlog import ScanLog, TimeSeries
 from slams.types import Floats
 
 if TYPE_CHECKING:
@@ -56,8 +56,10 @@ def speed(log: ScanLog, level: float) -> ScanLog:
     return hurried.rows(at_rate(hurried.t, 1.0 / period)) if period > 0.0 else hurried
 
 
-def _hurried(track: Track | None, start: float, level: float, rate: float = 1.0) -> Track | None:
-    return track and Track(_sooner(track.t, start, level), rate * track.values)
+def _hurried(
+    track: TimeSeries | None, start: float, level: float, rate: float = 1.0
+) -> TimeSeries | None:
+    return track and TimeSeries(_sooner(track.t, start, level), rate * track.values)
 
 
 def _sooner(t: Floats, start: float, level: float) -> Floats:
@@ -75,7 +77,7 @@ def jitter(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     if truth is None:
         return replace(log, t=t)
     known = np.isfinite(truth[:, 0])
-    return replace(log, t=t, truth=Track(t[known], truth[known]) if known.any() else None)
+    return replace(log, t=t, truth=TimeSeries(t[known], truth[known]) if known.any() else None)
 
 
 @degradation("ms", (50, 100, 200, 500, 1000), 0, 60000, needs=("odometry",))
@@ -85,5 +87,5 @@ def lag(log: ScanLog, level: float) -> ScanLog:
     The truth goes with them.
     """
     late = 1e-3 * level
-    truth = log.truth and Track(log.truth.t + late, log.truth.values)
+    truth = log.truth and TimeSeries(log.truth.t + late, log.truth.values)
     return replace(log, t=log.t + late, truth=truth)

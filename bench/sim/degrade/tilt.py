@@ -10,7 +10,7 @@ import numpy as np
 from bench.sim.degrade.degradation import degradation
 from bench.sim.degrade.spells import elapsed
 from bench.sim.swing import HEIGHT, Swing, level_floor, measured, ranges_of, rise
-from slams.scanlog import ScanLog, Track
+from slams.scanlog import ScanLog, TimeSeries
 from slams.types import Floats, Laser, Ranges
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ EDGE = 0.3  # share by which ranges of neighbors differ that meet two things
 def tilt(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     """Roll and pitch of up to that much each, laser 0.35 m above the floor; measured to 0.3 deg."""
     tilted, attitudes = _tilted(log, level, rng)
-    return replace(tilted, attitude=Track(log.t, measured(attitudes, elapsed(log.t), rng)))
+    return replace(tilted, attitude=TimeSeries(log.t, measured(attitudes, elapsed(log.t), rng)))
 
 
 @degradation("deg", (3, 6, 10, 15, 25), 0, 40)

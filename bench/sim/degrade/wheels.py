@@ -11,7 +11,7 @@ import numpy as np
 from bench.sim.degrade.degradation import degradation
 from bench.sim.degrade.spells import elapsed, moment, spell
 from bench.sim.wheels import integrate, steps
-from slams.scanlog import ScanLog, Track
+from slams.scanlog import ScanLog, TimeSeries
 from slams.types import Floats
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def wheel_rate(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     assert log.odom is not None, "the catalog says that this needs odometry"
     tick = np.floor(elapsed(log.odom.t) * level + rng.uniform())
     known = np.searchsorted(tick, tick)
-    return replace(log, odom=Track(log.odom.t, log.odom.values[known]))
+    return replace(log, odom=TimeSeries(log.odom.t, log.odom.values[known]))
 
 
 @degradation("deg/m", (2, 5, 10, 20, 40), -360, 360, needs=("odometry",))
@@ -99,10 +99,10 @@ def gyro_bias(log: ScanLog, level: float) -> ScanLog:
     """Added to the turn rate."""
     assert log.yaw_rate is not None, "the catalog says that this needs a gyro"
     rate = log.yaw_rate.values + math.radians(level)
-    return replace(log, yaw_rate=Track(log.yaw_rate.t, rate))
+    return replace(log, yaw_rate=TimeSeries(log.yaw_rate.t, rate))
 
 
-def _increments(log: ScanLog) -> tuple[Track, tuple[Floats, Floats, Floats]]:
+def _increments(log: ScanLog) -> tuple[TimeSeries, tuple[Floats, Floats, Floats]]:
     """Odometry as recorded, and its steps ahead, aside [m] and turns [rad], fresh arrays."""
     assert log.odom is not None, "the catalog says that this needs odometry"
     return log.odom, steps(log.odom.values)
@@ -112,4 +112,4 @@ def _counted(log: ScanLog, ahead: Floats, aside: Floats, turn: Floats) -> ScanLo
     """The log with odometry of these increments, from the pose where it began."""
     assert log.odom is not None
     poses = integrate(ahead, aside, turn, log.odom.values[0])
-    return replace(log, odom=Track(log.odom.t, poses))
+    return replace(log, odom=TimeSeries(log.odom.t, poses))

@@ -79,7 +79,7 @@ def test_tracks_of_an_npz_can_be_left_out(tmp_path):
 
 def test_notes_of_a_conversion_stay(tmp_path):
     room = drive(n=3)
-    odom = slams.scanlog.Track(room.t + 100.0, room.odom.values)
+    odom = slams.scanlog.TimeSeries(room.t + 100.0, room.odom.values)
     replace(room, odom=odom, meta={"notes": ["the laser is tilted"]}).save(tmp_path / "room.npz")
     for _ in range(2):
         log = slams.load(tmp_path / "room.npz")

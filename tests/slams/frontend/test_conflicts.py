@@ -20,7 +20,7 @@ SPARSE = laser(181, math.pi)
 
 def read(slam, share):
     """A scan of the hall as the slam takes it, ranges times `share`."""
-    return slam._scan.take(Scan(0.0, share * cast(HALL, IDENTITY, SPARSE), SPARSE), IDENTITY)
+    return slam._scan.read(Scan(0.0, share * cast(HALL, IDENTITY, SPARSE), SPARSE), IDENTITY)
 
 
 @pytest.mark.parametrize("name", ["hector", "tsd", "crsm"])
@@ -44,7 +44,7 @@ def test_ends_count_as_far_as_the_laser_reaches(name, ends):
     slam = made(name)
     far = replace(SPARSE, range_max=80.0)
     ranges = cast(np.array(box(-50.0, -50.0, 50.0, 50.0)), IDENTITY, far)
-    assert slam._scan.take(Scan(0.0, ranges, far), IDENTITY).n == ends
+    assert slam._scan.read(Scan(0.0, ranges, far), IDENTITY).n == ends
 
 
 def test_a_rough_surface_whose_normals_are_not_those_of_the_map_is_no_conflict():
@@ -101,7 +101,7 @@ def test_a_scan_in_conflict_moves_the_robot_against_its_wheels_only_by_what_it_e
         pose = next(pose for pose in poses if prior.distance(pose) > 15.0 * k)
         grid.match, grid.there, grid.predicted = pose, there, predicted
         match = Match(pose, there[0], 1.0, np.diag((1e4, 1e4, 1e5)))
-        found = estimator.decide(points.take(scan, IDENTITY), [match], grid, lambda *_: [])
+        found = estimator.decide(points.read(scan, IDENTITY), [match], grid, lambda *_: [])
         grid.empty = False
     assert prior.distance(pose) < 40.0
     assert estimator.state == state and (found == prior.pose) == (state == "predicted")

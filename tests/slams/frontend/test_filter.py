@@ -7,7 +7,7 @@ import pytest
 
 from slams.frontend import filter_kernels as kernels
 from slams.frontend import update_kernels
-from slams.frontend.degeneracy import ALL, Observability
+from slams.frontend.degeneracy import FULLY_OBSERVED, Observability
 from slams.frontend.motion_filter import MAP_ERROR, MotionFilter
 from slams.frontend.params import FrontendParams
 from slams.types import Laser, Pose2, Scan
@@ -121,7 +121,7 @@ def drive(motion, scans):
     """Feed scans; each is matched at its true pose."""
     for one, pose in scans:
         motion.predict(one)
-        motion.update(pose, SHARP, ALL)
+        motion.update(pose, SHARP, FULLY_OBSERVED)
 
 
 def test_a_constant_twist_is_learned():
@@ -129,7 +129,7 @@ def test_a_constant_twist_is_learned():
     pose, step = Pose2(0.0, 0.0, 0.0), Pose2(0.05, 0.0, 0.02)
     for k in range(40):
         prior = motion.predict(scan(0.1 * k))
-        motion.update(pose, SHARP, ALL)
+        motion.update(pose, SHARP, FULLY_OBSERVED)
         before, pose = pose, pose @ step
     assert math.hypot(prior.pose.x - before.x, prior.pose.y - before.y) < 5e-4
     assert prior.twist.x == pytest.approx(0.5, abs=0.01)
@@ -152,7 +152,7 @@ def test_wheels_that_stall_lose_their_weight():
         pose = wheels = still
         for k in range(30):
             prior = motion.predict(scan(0.1 * k, wheels))
-            motion.update(pose, SHARP, ALL)
+            motion.update(pose, SHARP, FULLY_OBSERVED)
             before, pose = pose, pose @ step
             wheels = wheels @ (slip if k > 10 else step)
         off = abs(prior.pose.x - before.x)
@@ -166,7 +166,7 @@ def test_wheels_at_a_standstill_do_not_brake_a_robot_in_a_bare_corridor():
     pose, step, bare = still, Pose2(0.05, 0.0, 0.0), Observability(1.0, 0.0, 0.0)
     for k in range(60):
         prior = motion.predict(scan(0.1 * k, still))
-        motion.update(pose if k < 40 else prior.pose, SHARP, ALL if k < 40 else bare)
+        motion.update(pose if k < 40 else prior.pose, SHARP, FULLY_OBSERVED if k < 40 else bare)
         pose = pose @ step
     assert not motion.wheels
     assert motion.pose.x == pytest.approx(59 * 0.05, abs=0.05)
@@ -177,7 +177,7 @@ def test_a_gyro_that_is_stuck_is_faulty():
     for k in range(30):
         motion.predict(scan(0.1 * k, yaw=0.0))
         used.append(motion.gyro)
-        motion.update(Pose2(0.0, 0.0, 0.1 * k), SHARP, ALL)
+        motion.update(Pose2(0.0, 0.0, 0.1 * k), SHARP, FULLY_OBSERVED)
     assert used[1] and not used[-1]
 
 
@@ -188,7 +188,7 @@ def test_a_scan_that_was_kept_back_costs_the_wheels_no_weight(seconds, costs):
     for k in range(30):
         poses.append(poses[-1] @ step)
         motion.predict(scan(seconds * k, poses[-1]))
-        motion.update(poses[-4] if k == 20 else poses[-1], SHARP, ALL)
+        motion.update(poses[-4] if k == 20 else poses[-1], SHARP, FULLY_OBSERVED)
         most = max(most, motion._learned[1, 0])
     assert (most > 2.0) == costs  # no recorder keeps a scan back for a second
 
@@ -199,7 +199,7 @@ def test_a_map_that_drifts_with_its_matches_says_little_of_the_bias_of_a_gyro():
     for k in range(51):
         motion.predict(scan(0.1 * k, yaw=0.0))
         assert not motion._entered.any()  # once for each match
-        motion.update(Pose2(0.0, 0.0, 0.0), np.diag((1e6, 1e6, 0.25e6)), ALL)
+        motion.update(Pose2(0.0, 0.0, 0.0), np.diag((1e6, 1e6, 0.25e6)), FULLY_OBSERVED)
     assert 4e-4 < math.sqrt(motion._P[kernels.BIAS, kernels.BIAS]) < 1e-3  # rad/s
 
 
@@ -233,7 +233,9 @@ def test_the_covariance_is_positive_definite_whatever_comes(seed):
         if rng.random() < 0.7:
             off = rng.normal(0.0, 10.0 ** rng.uniform(-4, 1), 3)
             pose = Pose2(*(np.array(motion.pose) + off).tolist())
-            seen = Observability(1.0, 0.0, float(rng.choice((0.0, 0.5)))) if k % 3 else ALL
+            seen = (
+                Observability(1.0, 0.0, float(rng.choice((0.0, 0.5)))) if k % 3 else FULLY_OBSERVED
+            )
             motion.update(pose, information, seen)
             assert is_covariance(motion._P), k
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from slams.frontend.correlative import Lookup, Window, search, window_of
+from slams.frontend.correlative import LikelihoodField, Window, search, window_of
 from slams.frontend.correlative_kernels import pool
-from slams.frontend.degeneracy import ALL, observability, of_information
+from slams.frontend.degeneracy import FULLY_OBSERVED, match_observability, observability
 from slams.frontend.estimator import PoseEstimator
 from slams.frontend.keyframes import Keyframes
 from slams.frontend.motion_filter import Prediction
@@ -17,7 +17,7 @@ from slams.frontend.ranking import best_around
 from slams.frontend.timing import LaserTimings, ScanTiming
 from slams.loops.matching import LocalMap, keyframe
 from slams.refine.lines import Match
-from slams.scan.end_points import EndPoints, gap
+from slams.scan.end_points import EndPoints, pose_distance
 from slams.scan.params import ScanParams
 from slams.types import IDENTITY, Pose2
 from tests.rooms import CORRIDOR, LIDAR, ROOM, scan_at
@@ -61,10 +61,10 @@ def test_steady_stamps_and_a_gap_are_believed_and_stamps_that_go_back_are_an_int
 
 @pytest.mark.parametrize(("along", "share"), [(0.002, 0.8), (0.0003, 0.0), (0.1, 1.0)])
 def test_what_tilted_normals_of_a_map_say_is_no_information(along, share):
-    seen = of_information(1e6 * np.diag((along, 1.0, 1.0)))
+    seen = match_observability(1e6 * np.diag((along, 1.0, 1.0)))
     assert seen.share == pytest.approx(share)
     assert share == 1.0 or abs(seen.x) == pytest.approx(1.0)
-    assert of_information(np.zeros((3, 3))) == ALL  # no beam: nothing to take out
+    assert match_observability(np.zeros((3, 3))) == FULLY_OBSERVED  # no beam: nothing to take out
 
 
 def test_a_corridor_is_degenerate_along_itself_and_a_room_is_not():
@@ -72,7 +72,7 @@ def test_a_corridor_is_degenerate_along_itself_and_a_room_is_not():
                          200.0 * math.cos(0.3) ** 2, 0.14)  # fmt: skip
     assert seen.share == 0.0
     assert abs(seen.x * math.cos(0.3) + seen.y * math.sin(0.3)) == pytest.approx(1.0)
-    assert observability(100.0, 0.0, 100.0, 0.14) == ALL
+    assert observability(100.0, 0.0, 100.0, 0.14) == FULLY_OBSERVED
     assert 0.0 < observability(8.0, 0.0, 200.0, 0.14).share < 0.9
     assert observability(2.0, 0.0, 150.0, 0.14).share == 0.0
     assert observability(2.0, 0.0, 150.0, 0.05).share > 0.3  # better normals show less of it
@@ -84,7 +84,7 @@ def test_a_search_finds_the_pose_that_the_wall_shows():
     walls = np.argwhere(likelihood > 0.0)[:, ::-1] * 0.1
     true = Pose2(2.0, 2.0, 0.2)
     points = true.inverse().transform(walls).T
-    lookup = Lookup(likelihood, 0.0, 0.0, 0.1)
+    lookup = LikelihoodField(likelihood, 0.0, 0.0, 0.1)
     window = window_of(Pose2(2.5, 1.7, 0.0), np.diag((0.04, 0.04, 0.01)))
     poses, _ = search(lookup, points, window, alike=0.2)
     assert (np.diff(poses[:, 3]) <= 0.0).all()
@@ -97,7 +97,7 @@ def test_a_search_finds_the_pose_that_the_wall_shows():
 
 
 def test_a_search_does_bounded_work():
-    lookup = Lookup(np.ones((400, 400), np.float32), 0.0, 0.0, 0.2)
+    lookup = LikelihoodField(np.ones((400, 400), np.float32), 0.0, 0.0, 0.2)
     ends = np.random.default_rng(0).uniform(10.0, 50.0, (3, 4000))
     window = window_of(Pose2(0.0, 0.0, 0.0), np.diag((100.0, 100.0, 100.0)))
     poses, lookups = search(lookup, ends, window)
@@ -120,7 +120,7 @@ def test_a_coarse_cell_bounds_all_shifts_within_it(block):
 @pytest.mark.parametrize("half", [0.05, 0.4, 1.0, 2.0, 4.0])
 def test_a_search_stays_in_its_window(half):
     """But for one coarse cell of it: walls beside it are not to crowd out what is inside."""
-    lookup = Lookup(np.ones((200, 200), np.float32), -20.0, -20.0, 0.2)
+    lookup = LikelihoodField(np.ones((200, 200), np.float32), -20.0, -20.0, 0.2)
     poses, _ = search(lookup, np.ones((2, 60)), Window(IDENTITY, half, 0.1), alike=1.0)
     found = np.abs(poses[:, :2]).max()
     assert 0.9 * half - 0.2 < found < half + max(0.2, 0.8 * half)
@@ -133,15 +133,17 @@ class Map:
     """A map that is searched by a lookup, and explains a share of a scan."""
 
     def __init__(self, lookup, share):
-        self.lookup, self.evaluate = lambda: lookup, lambda *at: (share(*at), 0.0)
+        self.likelihood_field, self.evaluate = lambda: lookup, lambda *at: (share(*at), 0.0)
 
 
 def here():
-    return EndPoints(ScanParams()).take(scan_at(IDENTITY, LIDAR), IDENTITY)
+    return EndPoints(ScanParams()).read(scan_at(IDENTITY, LIDAR), IDENTITY)
 
 
 def test_where_all_is_alike_a_search_looks_near_the_prior():
-    uniform = Map(Lookup(np.ones((200, 200), np.float32), -20.0, -20.0, 0.2), lambda *_: 0.5)
+    uniform = Map(
+        LikelihoodField(np.ones((200, 200), np.float32), -20.0, -20.0, 0.2), lambda *_: 0.5
+    )
 
     def rematch(points, start, prior):
         starts.append(start)
@@ -162,13 +164,15 @@ def test_a_search_reaches_as_far_as_a_late_scan_may_be(aside, turned, found):
     """However sure the prior is: here of five centimeters and a twentieth of a radian."""
     true = Pose2(aside, 0.0, turned)
     lookup = LocalMap([keyframe(scan_at(IDENTITY, LIDAR), IDENTITY)], [true])._lookup
-    walls = Map(lookup, lambda points, pose: 1.0 if gap(points, pose, true) < 0.3 else 0.1)
+    walls = Map(
+        lookup, lambda points, pose: 1.0 if pose_distance(points, pose, true) < 0.3 else 0.1
+    )
     best = best_around(Match(IDENTITY), here(), walls, SURE, lambda _, start, __: [Match(start)])
-    assert (gap(here(), best.match.pose, true) < 0.3) == found
+    assert (pose_distance(here(), best.match.pose, true) < 0.3) == found
 
 
 def test_a_window_far_from_all_that_is_mapped_has_no_likely_pose():
-    lookup = Lookup(np.ones((9, 9), np.float32), 0.0, 0.0, 0.2)
+    lookup = LikelihoodField(np.ones((9, 9), np.float32), 0.0, 0.0, 0.2)
     window = window_of(Pose2(500.0, -500.0, 0.0), np.eye(3))
     poses, _ = search(lookup, np.ones((2, 50)), window)
     assert (poses[:, 3] == 0.0).all()
@@ -228,7 +232,7 @@ class Standing:
     def evaluate(self, points, pose):
         return self.shares if self.foreseen is None or pose != IDENTITY else self.foreseen
 
-    def cut(self, box):
+    def crop(self, box):
         return None
 
     def take(self, count, inliers, conflicts, pose=IDENTITY, seen=(1e5, 1e5, 1e6)):
@@ -236,8 +240,8 @@ class Standing:
         self.shares = inliers, conflicts
         for _ in range(count):
             scan = scan_at(IDENTITY, LIDAR, self._walls, t=0.1 * self._k, odometry=self._wheels)
-            points = self._reader.take(scan, self.estimator.predict(scan).twist)
-            match = Match(pose, seen=np.diag(seen))
+            points = self._reader.read(scan, self.estimator.predict(scan).twist)
+            match = Match(pose, information=np.diag(seen))
             self.estimator.decide(points, [match], self, lambda *_: [])
             self._k += 1
         return self.estimator
@@ -343,7 +347,7 @@ def test_after_a_contradiction_what_explains_half_has_to_stand_for_seconds(wheel
     """Wheels keep the robot from being lost meanwhile, as in a crowd."""
     robot = Standing(10, wheels)
     assert robot.take(20, 0.0, 1.0).state == state
-    found = robot.take(50, 0.5, 0.0)  # CONFIRMED of full agreement: 6 s
+    found = robot.take(50, 0.5, 0.0)  # CONFIRMED of full match_score: 6 s
     assert found.state == state and not found.maps
     found = robot.take(20, 0.5, 0.0)
     assert found.state == "matched" and found.maps

@@ -18,7 +18,7 @@ from slams.live.robot import Robot
 from slams.player import replay
 from slams.ros.maker import Maker
 from slams.ros.messages import IMU, ODOMETRY, SCAN, TF, Record, store, yaw_of
-from slams.scanlog import Track
+from slams.scanlog import TimeSeries
 from slams.types import Pose2
 from tests.rooms import drive, laser, scan_at, way
 
@@ -33,8 +33,8 @@ def robot_log(n=40, first=0.0, gyro=True):
     poses = way(len(t), 1.0 / 30.0) + np.array([5.0, 1.0, 3.1])  # headings pass pi
     poses[:, 2] = slams.types.wrap_angle(poses[:, 2])
     turning = np.arange(0.0, log.t[-1] + 0.2, 0.01)
-    rate = Track(turning + 100.0, np.gradient(0.8 * np.sin(0.245 * turning), turning) + 0.001)
-    wheels = Track(t + 100.0, poses)
+    rate = TimeSeries(turning + 100.0, np.gradient(0.8 * np.sin(0.245 * turning), turning) + 0.001)
+    wheels = TimeSeries(t + 100.0, poses)
     yaw_rate, name = rate if gyro else None, {"name": "robot"}
     return slams.ScanLog(log.t + 100.0, log.ranges, log.laser, wheels, None, yaw_rate, name)
 

@@ -13,7 +13,7 @@ from slams.live.options import renamed
 from slams.live.robot import Robot
 from slams.live.series import IntegralSeries, PoseSeries, Series
 from slams.ros.messages import seconds
-from slams.track import MAX_ATTITUDE_GAP, Track
+from slams.time_series import MAX_ATTITUDE_GAP, TimeSeries
 from slams.types import Pose2, wrap_angle
 from tests.rooms import drive, laser
 from tests.slams.live.robots import Bus, planar
@@ -23,8 +23,8 @@ def test_poses_and_headings_are_bit_for_bit_those_of_the_recorded_track():
     rng = np.random.default_rng(3)
     t = np.cumsum(rng.choice([0.01, 0.06, 0.7], 300, p=[0.5, 0.48, 0.02]))
     turns = wrap_angle(np.cumsum(rng.normal(0.4, 1.0, 300)))  # round and round, both ways
-    track = Track(t, np.column_stack([rng.normal(size=(300, 2)), turns]))
-    rate = Track(t, rng.normal(size=300))
+    track = TimeSeries(t, np.column_stack([rng.normal(size=(300, 2)), turns]))
+    rate = TimeSeries(t, rng.normal(size=300))
     poses, heading = PoseSeries(), IntegralSeries()
     tilts = Series(MAX_ATTITUDE_GAP)
     for stamp, row, turn in zip(t.tolist(), track.values.tolist(), rate.values, strict=True):
@@ -37,7 +37,7 @@ def test_poses_and_headings_are_bit_for_bit_those_of_the_recorded_track():
     angles = [heading.at(one)[0] for one in asked.tolist()]
     assert np.array_equal(angles, rate.integral_at(asked))
     found = np.array([tilts.at(one) or (np.nan, np.nan) for one in asked.tolist()])
-    known = Track(t, track.values[:, :2]).attitudes_at(asked)
+    known = TimeSeries(t, track.values[:, :2]).attitudes_at(asked)
     assert np.array_equal(found, known, equal_nan=True) and np.isnan(known).any()
     for outside in (t[0] - 1e-6, t[-1] + 1e-6):
         assert poses.pose_at(outside) is None

@@ -185,7 +185,9 @@ def test_a_laser_whose_back_was_never_seen_has_room(room):
 def test_the_likelihood_of_a_wall_falls_off_around_it(cell):
     p = np.zeros((round(4.0 / cell), round(6.0 / cell)), np.float32)
     p[:, round(3.0 / cell)] = 1.0  # at x = 3 m
-    grid, x0, y0, edge, pooled, block = MapIndex(OccupancyGrid(p, cell, (1.0, -2.0))).lookup
+    grid, x0, y0, edge, pooled, block = MapIndex(
+        OccupancyGrid(p, cell, (1.0, -2.0))
+    ).likelihood_field
     assert edge == pytest.approx(0.1) and y0 < -2.0 + edge
     x = x0 + edge * np.arange(grid.shape[1])
     expected = np.maximum(1.0 - np.abs(x - 4.0 - 0.5 * cell) / 0.3, 0.0)
@@ -198,7 +200,7 @@ def test_the_likelihood_of_a_wall_falls_off_around_it(cell):
 def test_beams_through_walls_are_taken_off_the_likelihood(room):
     search = Search(room, noisy(POSES[3]))
     assert search.advance(Work())
-    ends, (grid, x0, y0, edge, *_) = search._ends, room.lookup
+    ends, (grid, x0, y0, edge, *_) = search._ends, room.likelihood_field
     through, off = [], []
     for *pose, score in search._likely.tolist():
         i, j = np.round((Pose2(*pose).transform(ends) - (x0, y0)) / edge).astype(int).T

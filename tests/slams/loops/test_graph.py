@@ -178,5 +178,5 @@ def test_what_is_blind_along_two_directions_that_are_not_square_still_informs():
     """A corridor aslant to the direction in which poses match as well: no less than nothing."""
     axes = [np.array((math.cos(a), math.sin(a))) for a in (0.0, 0.6)]
     across, beside = (np.eye(2) - np.outer(axis, axis) for axis in axes)
-    match = Match(IDENTITY, seen=np.diag((1e6, 1e4, 1e7)))
+    match = Match(IDENTITY, information=np.diag((1e6, 1e4, 1e7)))
     assert np.linalg.eigvalsh(information_of(match, across @ beside))[0] > 0.0

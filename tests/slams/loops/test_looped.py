@@ -18,7 +18,7 @@ from slams.loops.matching import Found, keyframe
 from slams.loops.slam import MOVED, Redraw, looped
 from slams.player import replay
 from slams.registry import find, label_of
-from slams.scanlog import Track
+from slams.scanlog import TimeSeries
 from slams.types import IDENTITY, Corrected, Pose2
 from tests.rooms import ALGORITHMS, driven, still
 from tests.wheels import Drifting
@@ -35,7 +35,7 @@ def around():
         step = Pose2(*one).between(Pose2(*other))
         pose = pose @ Pose2(1.01 * step.x, step.y, 1.01 * step.theta + 0.002 * abs(step.x))
         bent.append(pose)
-    return replace(log, odom=Track(log.t, np.array(bent)), yaw_rate=None)
+    return replace(log, odom=TimeSeries(log.t, np.array(bent)), yaw_rate=None)
 
 
 def new():

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from slams.geometry import Prior
+from slams.refine.line_cell_kernels import Hits, Splat, add_scan, add_to_cell, spread
 from slams.refine.line_kernels import View, line_equations
 from slams.refine.lines import ONCE, STANDING, LineMap, Match
 from slams.refine.params import RefineParams
-from slams.refine.surface_kernels import Hits, Splat, add_scan, add_to_cell, spread
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Pose2
 from tests.rooms import NOTHING, laser, scan_at
@@ -26,7 +26,7 @@ def blank(**changes):
 
 
 def seen_at(pose=IDENTITY):
-    return EndPoints(RefineParams()).take(scan_at(pose, LIDAR), IDENTITY)
+    return EndPoints(RefineParams()).read(scan_at(pose, LIDAR), IDENTITY)
 
 
 def mapped(times=3):
@@ -46,13 +46,13 @@ def row_of(lines, ix, iy):
 
 def test_a_hit_whose_wall_looks_another_way_is_not_used():
     lines, points = mapped()
-    assert lines.fit(points, IDENTITY, NOTHING).share > 0.8
+    assert lines.fit(points, IDENTITY, NOTHING).inlier_ratio > 0.8
     normals = points.normals[:2].copy()
     points.normals[0], points.normals[1] = -normals[1], normals[0]  # a quarter turn
     none = lines.fit(points, IDENTITY, NOTHING)
-    assert none.share < 0.05
+    assert none.inlier_ratio < 0.05
     points.normals[:2] = 0.0  # one that has no normal is used
-    assert lines.fit(points, IDENTITY, NOTHING).share > 0.8
+    assert lines.fit(points, IDENTITY, NOTHING).inlier_ratio > 0.8
 
 
 def test_a_prior_counts_by_the_variance_of_a_beam():
@@ -70,7 +70,7 @@ def test_one_scan_alone_is_believed_where_the_next_is_far_off(apart, once):
     """No leg stands there still a second later."""
     points, trusts = EndPoints(RefineParams()), []
     for t in (0.0, apart, 2.0 * apart):
-        points.take(scan_at(IDENTITY, LIDAR, t=t), IDENTITY)
+        points.read(scan_at(IDENTITY, LIDAR, t=t), IDENTITY)
     for times in (1, 2):
         lines = blank()
         for _ in range(times):
@@ -85,9 +85,9 @@ def test_what_is_seen_is_in_units_of_the_variance_that_is_learned():
     lines, points = mapped()
     held = Prior(Pose2(0.01, 0.01, 0.0), 1e12 * np.eye(3))
     match = lines.fit(points, held.pose, held)
-    assert match.seen == pytest.approx(lines._H / match.square)
+    assert match.information == pytest.approx(lines._H / match.mean_square)
     lines.learn(match, points)
-    assert lines.variance == match.square > points.noise**2
+    assert lines.variance == match.mean_square > points.noise**2
     lines.learn(match._replace(square=0.0), points)
     assert lines.variance == points.noise**2
 

@@ -47,7 +47,7 @@ def replayed(said, seconds=20.0, truth=rocking, speed=DRIVING, lidar=LIDAR):
     """The end points' counts after a drive with the attitudes `said` (t) and the true ones."""
     points = EndPoints(ScanParams())
     for t in np.arange(0.0, seconds, 0.1).tolist():
-        points.take(scan(t, truth(t), said(t), lidar), speed)
+        points.read(scan(t, truth(t), said(t), lidar), speed)
     return points.counts
 
 
@@ -68,17 +68,17 @@ def test_rotation_turns_by_roll_first_seen_from_the_base_then_by_pitch():
     "attitude", [Attitude(0.2, 0.0), Attitude(0.0, -0.25), Attitude(-0.1, 0.2)]
 )
 def test_a_tilted_scan_ends_on_the_walls_and_nowhere_on_the_floor(attitude):
-    points = EndPoints(ScanParams()).take(scan(0.0, attitude), IDENTITY)
+    points = EndPoints(ScanParams()).read(scan(0.0, attitude), IDENTITY)
     assert points.n > 100 and off_the_walls(points) < 1e-5
     x, y, _ = attitude.rotation() @ (LIDAR.mount.x, LIDAR.mount.y, HEIGHT)
     assert points.mount == pytest.approx((x, y, LIDAR.mount.theta))
-    as_scanned = EndPoints(ScanParams()).take(replace(scan(0.0, attitude), attitude=None), IDENTITY)
+    as_scanned = EndPoints(ScanParams()).read(replace(scan(0.0, attitude), attitude=None), IDENTITY)
     assert as_scanned.mount == LIDAR.mount and off_the_walls(as_scanned) > 0.2
 
 
 def test_without_a_height_nothing_is_taken_for_floor():
     lidar = replace(LIDAR, mount_z=0.0)
-    points = EndPoints(ScanParams()).take(scan(0.0, Attitude(0.1, 0.0), lidar=lidar), IDENTITY)
+    points = EndPoints(ScanParams()).read(scan(0.0, Attitude(0.1, 0.0), lidar=lidar), IDENTITY)
     assert points.n > 100 and points.counts["leveled"] == 1
     assert replace(lidar, height=0.2).above_floor == 0.2 and lidar.above_floor is None
 
@@ -86,11 +86,11 @@ def test_without_a_height_nothing_is_taken_for_floor():
 def test_a_sweep_takes_the_rate_of_the_attitude_out():
     lidar, rates = replace(LIDAR, time_increment=0.1 / 360), (0.4, -0.3)
     points = EndPoints(ScanParams())
-    points.take(scan(0.0, Attitude(0.06, 0.08), lidar=lidar, rates=rates), IDENTITY)
-    points.take(scan(0.1, Attitude(0.1, 0.05), lidar=lidar, rates=rates), IDENTITY)
+    points.read(scan(0.0, Attitude(0.06, 0.08), lidar=lidar, rates=rates), IDENTITY)
+    points.read(scan(0.1, Attitude(0.1, 0.05), lidar=lidar, rates=rates), IDENTITY)
     assert points.n > 100 and off_the_walls(points) < 6e-3
     still = EndPoints(ScanParams())
-    still.take(scan(0.1, Attitude(0.1, 0.05), lidar=lidar, rates=rates), IDENTITY)
+    still.read(scan(0.1, Attitude(0.1, 0.05), lidar=lidar, rates=rates), IDENTITY)
     assert off_the_walls(still) > 0.02
 
 

@@ -12,13 +12,13 @@ from slams.scan.moving_average import MovingAverage
 from slams.scan.params import ScanParams
 from slams.scan.scan_kernels import (
     DENSE,
-    Grain,
     Limits,
+    ScanResolution,
     Twist,
     beyond_chords,
     deskew,
-    drop_lone,
     end_points,
+    remove_isolated,
     scan_moments,
     scan_normals,
 )
@@ -34,7 +34,7 @@ def points_of(*xy):
 
 def kept(points, step):
     """The numbers of the beams that have company."""
-    n = drop_lone(points, points.shape[1], IDENTITY, step, SLACK, np.zeros_like(points))
+    n = remove_isolated(points, points.shape[1], IDENTITY, step, SLACK, np.zeros_like(points))
     return points[2, :n].astype(int).tolist()
 
 
@@ -98,7 +98,7 @@ def test_noise_is_what_is_left_of_straight_walls():
     for noise, found in ((0.02, 0.02), (0.3, 0.15), (0.0, 0.001)):
         ends = EndPoints(ScanParams())
         for k in range(30):
-            ends.take(scan_at((0.0, 0.0, 0.0), lidar, noise=noise, rng=rng, t=0.1 * k), IDENTITY)
+            ends.read(scan_at((0.0, 0.0, 0.0), lidar, noise=noise, rng=rng, t=0.1 * k), IDENTITY)
         assert ends.noise == pytest.approx(found, rel=0.15)
 
 
@@ -115,7 +115,7 @@ def test_what_is_no_wall_is_no_noise():
         wall = 0.3 * scan_at(IDENTITY, lidar).ranges + rng.normal(0.0, 0.01, lidar.n_beams)
         struck = rng.random(lidar.n_beams) < 0.67
         short = np.where(struck, wall * rng.random(lidar.n_beams), wall)
-        ends.take(Scan(0.1 * k, short.astype(np.float32), lidar), IDENTITY)
+        ends.read(Scan(0.1 * k, short.astype(np.float32), lidar), IDENTITY)
     assert ends.noise == pytest.approx(0.01, rel=0.5)
 
 
@@ -123,7 +123,7 @@ def noisy(beams, noise):
     """End points that have seen ten scans of a noisy laser."""
     ends, rng = EndPoints(ScanParams()), np.random.default_rng(0)
     for k in range(10):
-        ends.take(scan_at(IDENTITY, laser(beams), noise=noise, rng=rng, t=0.1 * k), IDENTITY)
+        ends.read(scan_at(IDENTITY, laser(beams), noise=noise, rng=rng, t=0.1 * k), IDENTITY)
     return ends
 
 
@@ -146,14 +146,14 @@ def test_the_window_of_a_normal_and_what_is_one_surface_grow_with_the_noise():
     ends = EndPoints(ScanParams(normal_window=0.05))
     for noise, window, slack in ((0.005, 0.05, 0.1), (0.02, 0.12, 0.12)):
         ends._noise.value = noise
-        assert ends.grain == pytest.approx((noise, window, slack))
+        assert ends.resolution == pytest.approx((noise, window, slack))
 
 
 def normals_of(points, noise=0.0, step=0.02):
     n = points.shape[1]
     out, moments = np.zeros((3, n)), np.zeros((6, n + 1))
     scan_moments(points, n, IDENTITY, step, SLACK, moments)
-    scan_normals(points, n, IDENTITY, step, Grain(noise, 0.05, SLACK), moments, out)
+    scan_normals(points, n, IDENTITY, step, ScanResolution(noise, 0.05, SLACK), moments, out)
     return out
 
 
@@ -193,7 +193,7 @@ def test_a_surface_ends_at_a_jump_for_those_before_and_behind_it():
 def test_only_a_sweep_that_takes_time_is_freed_of_its_motion(on, seconds):
     lidar = laser(181, time_increment=seconds / 180)
     ends = EndPoints(ScanParams(deskew=on))
-    ends.take(scan_at((0.0, 0.0, 0.0), lidar), Pose2(1.0, 0.0, 0.0))
+    ends.read(scan_at((0.0, 0.0, 0.0), lidar), Pose2(1.0, 0.0, 0.0))
     back = 0.01 if on and seconds else 0.0
     assert ends.sweeps == (back > 0.0)
     assert ends.at_stamp(IDENTITY).x == pytest.approx(-back)
@@ -204,27 +204,27 @@ def test_ranges_below_the_lasers_own_limit_or_ours_are_not_used():
     for low, least in ((0.1, 0.5), (0.5, 0.1)):
         lidar = Laser(0.0, 0.001, 27, low, 30.0)
         ends = EndPoints(ScanParams(min_range=least))
-        ends.take(Scan(0.0, ranges, lidar), IDENTITY)
+        ends.read(Scan(0.0, ranges, lidar), IDENTITY)
         assert np.hypot(*ends.points[:2, : ends.n]).min() == pytest.approx(0.6)
 
 
 def test_which_way_a_surface_faces_is_told_by_normals_once_they_are_known():
-    reader = EndPoints(ScanParams()).take(scan_at(IDENTITY, laser(361)), IDENTITY)
-    by_chord = reader.facing[:2].copy()
-    assert reader.facing is not reader.normals
-    assert reader.facing is reader.normals
+    reader = EndPoints(ScanParams()).read(scan_at(IDENTITY, laser(361)), IDENTITY)
+    by_chord = reader.rough_normals[:2].copy()
+    assert reader.rough_normals is not reader.normals
+    assert reader.rough_normals is reader.normals
     lengths = np.hypot(*by_chord[:, : reader.n]) * np.hypot(*reader.normals[:2, : reader.n])
     alike = (by_chord * reader.normals[:2])[:, : reader.n].sum(axis=0)[lengths > 0.0]
     assert (alike > 0.9 * lengths[lengths > 0.0]).all()
-    assert reader.take(scan_at(IDENTITY, laser(361)), IDENTITY).facing is not reader.normals
+    assert reader.read(scan_at(IDENTITY, laser(361)), IDENTITY).rough_normals is not reader.normals
 
 
 def test_how_far_scans_are_apart_is_told_by_stamps_that_go_on():
     def apart(*stamps):
         reader = EndPoints(ScanParams())
         for t in stamps:
-            reader.take(scan_at(IDENTITY, laser(361), t=t), IDENTITY)
-        return reader.apart
+            reader.read(scan_at(IDENTITY, laser(361), t=t), IDENTITY)
+        return reader.scan_interval
 
     assert apart() == apart(3.0) == apart(3.0, 3.0) == 0.0
     assert apart(0.0, 0.4, 0.8) == pytest.approx(0.4)

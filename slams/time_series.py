@@ -1,4 +1,4 @@
-"""Track: a signal over time, looked up at other times."""
+"""TimeSeries: a signal over time, looked up at other times."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MAX_ATTITUDE_GAP = 0.5  # s between two attitudes, beyond which nothing is known
 
 
 @dataclass(frozen=True)
-class Track:
+class TimeSeries:
     """A signal over time: stamps t (k,) [s] and values, as recorded.
 
     These are poses (k, 3), rates (k,) or roll and pitch (k, 2).
