@@ -12,22 +12,22 @@ from slams.jit import FAST, njit
 from slams.types import Floats, Pose2
 from tsd.model_kernels import Model, ray_at
 
-ALIKE = 0.7  # cosine between the normals of a pair
-TRIMMED = 3.0  # pairs farther apart than this many of the usual distances are left out
+MIN_PAIR_COSINE = 0.7  # between the normals of a pair
+GATE_PER_RMS = 3.0  # of the pair distances; pairs farther apart are left out (trimmed ICP)
 
 
 class IcpRule(NamedTuple):
-    """Iterations, steps [m, rad] below which to stop, gates [m], rays to search, map's error [m].
+    """Iterations, steps [m, rad] below which to stop, and which pairs are used.
 
-    The gate on a pair's distance begins at `widest` and follows what is usual to `narrowest`. Of
-    the elements every `stride`-th is paired, and counts for as many.
+    First and least gate on the distance of a pair [m], rays to search on either side, error of the
+    map [m]. Every `stride`-th element is paired, with `stride` times its weight.
     """
 
     iterations: int
     stop_translation: float
     stop_rotation: float
-    widest: float
-    narrowest: float
+    max_gate: float
+    min_gate: float
     window: int
     map_noise: float
     stride: int
@@ -35,20 +35,20 @@ class IcpRule(NamedTuple):
 
 @njit(fastmath=FAST, inner=True)
 def find_pair(model: Model, x: float, y: float, nx: float, ny: float, window: int) -> int:
-    """The nearest model point that faces alike among the rays beside a point; -1 if none.
+    """Index of the nearest model point with a similar normal on the rays near a point, or -1.
 
-    ours: projective association in place of the original's nearest of all.
+    ours: projective association instead of the nearest of all points (original code).
     """
     fan = model.fan
     ray = ray_at(fan, math.atan2(y - model.y, x - model.x) - model.heading)
     found, nearest = -1, math.inf
     for j in range(ray - window, ray + window + 1):
-        k = j % fan.around if fan.around > 0 else j
+        k = j % fan.per_circle if fan.per_circle > 0 else j
         if k < 0 or k >= fan.rays or model.points[k, 4] <= 0.0:
             continue
         dx, dy = x - model.points[k, 0], y - model.points[k, 1]
         d2 = dx * dx + dy * dy
-        if d2 < nearest and nx * model.points[k, 2] + ny * model.points[k, 3] > ALIKE:
+        if d2 < nearest and nx * model.points[k, 2] + ny * model.points[k, 3] > MIN_PAIR_COSINE:
             found, nearest = k, d2
     return found
 
@@ -63,11 +63,11 @@ def sum_pairs(
     gate: float,
     out_H: Floats,
 ) -> tuple[float, float]:
-    """Normal equations of sum w (n (T p - m))^2 over all pairs within the gate.
+    """Normal equations of sum w (n (T p - m))^2 over all pairs within the gate [m].
 
-    Original code: point to point; ours: point to line on the model's normals, weighed by what
-    an element knows, less near the gate (trimmed). out_H, four rows (n, 3): the equations and
-    their right side. Returns how many pairs there are and the rms of their distances [m].
+    Original code: point to point; ours: point to line on the model's normals, weighted by the
+    information of the element, less near the gate. out_H (4, 3): the equations and, in the last
+    row, their right side. Returns the number of pairs and the rms of their distances [m].
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     for i in range(4):
@@ -85,26 +85,26 @@ def sum_pairs(
             continue
         nx, ny = model.points[m, 2], model.points[m, 3]
         dx, dy = x - model.points[m, 0], y - model.points[m, 1]
-        off, beside = nx * dx + ny * dy, abs(nx * dy - ny * dx)
-        # model points far off stand far apart, the more so along a wall that is seen from the side
+        residual, lateral = nx * dx + ny * dy, abs(nx * dy - ny * dx)
+        # model points are sparse at long range, even more so on a wall at grazing incidence
         front = abs(nx * (x - model.x) + ny * (y - model.y)) + 0.1 * model.points[m, 4]
-        apart = model.fan.gap * model.points[m, 4] * model.points[m, 4] / front
-        if abs(off) >= gate or beside >= gate + apart:
+        spacing = model.fan.gap * model.points[m, 4] * model.points[m, 4] / front
+        if abs(residual) >= gate or lateral >= gate + spacing:
             continue
-        share = 1.0 - off * off / (gate * gate)
-        w = rule.stride * share * share / (1.0 / surfaces[k, 4] + floor)
+        taper = 1.0 - residual * residual / (gate * gate)
+        w = rule.stride * taper * taper / (1.0 / surfaces[k, 4] + floor)
         nt = ny * rx - nx * ry
         pairs += rule.stride
-        squares += rule.stride * off * off
+        squares += rule.stride * residual * residual
         out_H[0, 0] += w * nx * nx
         out_H[1, 0] += w * nx * ny
         out_H[1, 1] += w * ny * ny
         out_H[2, 0] += w * nx * nt
         out_H[2, 1] += w * ny * nt
         out_H[2, 2] += w * nt * nt
-        out_H[3, 0] -= w * nx * off
-        out_H[3, 1] -= w * ny * off
-        out_H[3, 2] -= w * nt * off
+        out_H[3, 0] -= w * nx * residual
+        out_H[3, 1] -= w * ny * residual
+        out_H[3, 2] -= w * nt * residual
     out_H[0, 1], out_H[0, 2], out_H[1, 2] = out_H[1, 0], out_H[2, 0], out_H[2, 1]
     return pairs, math.sqrt(squares / max(pairs, 1.0))
 
@@ -120,28 +120,28 @@ def icp(
     out_pose: Floats,
     out_H: Floats,
 ) -> tuple[float, float, int]:
-    """ICP from out_pose (3,), which it moves. Returns pairs, rms [m], iterations.
+    """ICP from the pose in out_pose (3,), which is updated; returns pairs, rms [m], iterations.
 
-    Original code: gate that shrinks; ours: it follows the residual, and what is known
-    beforehand, a pose `mean` (3,) with information `prior` (3, 3), holds what the scan does not
-    see. out_H (5, 3) is room to work; its first three rows are left as what the pairs know.
+    Original code: a gate that shrinks each round; ours: the gate follows the residual, and a prior
+    (mean (3,), information `prior` (3, 3)) keeps the pose along directions that the scan does not
+    observe. out_H (5, 3) is scratch; its first three rows return the information of the pairs.
     """
     b, dx = out_H[3], out_H[4]
     total = np.empty((3, 3))
-    gate, pairs, rms, used = rule.widest, 0.0, 0.0, 0
+    gate, pairs, rms, used = rule.max_gate, 0.0, 0.0, 0
     for _ in range(rule.iterations):
         pairs, rms = sum_pairs(model, surfaces, count, out_pose, rule, gate, out_H)
-        turn = wrap_angle(mean[2] - out_pose[2])
-        off = Pose2(mean[0] - out_pose[0], mean[1] - out_pose[1], turn)
-        add_prior(out_H, prior, 1.0, off, total, b)
+        rotation = wrap_angle(mean[2] - out_pose[2])
+        offset = Pose2(mean[0] - out_pose[0], mean[1] - out_pose[1], rotation)
+        add_prior(out_H, prior, 1.0, offset, total, b)
         used += 1
         if pairs == 0.0 or not solve3(total, b, dx):
             break
         for i in range(3):
             out_pose[i] += dx[i]
-        tighter = min(max(TRIMMED * rms, rule.narrowest), gate)
+        next_gate = min(max(GATE_PER_RMS * rms, rule.min_gate), gate)
         small = dx[0] * dx[0] + dx[1] * dx[1] < rule.stop_translation * rule.stop_translation
-        if small and abs(dx[2]) < rule.stop_rotation and tighter > 0.9 * gate:
+        if small and abs(dx[2]) < rule.stop_rotation and next_gate > 0.9 * gate:
             break
-        gate = tighter
+        gate = next_gate
     return pairs, rms, used

@@ -1,4 +1,4 @@
-"""The directional TSD field: four layers of tiles, one per facing of a surface."""
+"""The directional TSD field: four layers of tiles, one for each axis direction of a normal."""
 
 from __future__ import annotations
 
@@ -12,26 +12,27 @@ from slams.jit import FAST, njit
 from slams.types import Floats
 from tsd.scan_kernels import Beams
 
-SHIFT = 3
-SIDE, INSIDE = 1 << SHIFT, (1 << SHIFT) - 1  # cells per tile edge; bits of a cell's number in it
-WALL = SIDE // 2  # cells per edge of a cell of `walls`
-LAYERS = 4  # facings: +x, +y, -x, -y
-SHARED = 0.55  # a surface is written to every layer whose axis is within 57 degrees of its normal
-PASSED, BEHIND = 3, 4  # of `seen`: how many beams passed the cell, up to three; behind a surface
+TSD_TILE_SHIFT = 3
+TSD_TILE_SIDE = 1 << TSD_TILE_SHIFT  # cells along the edge of a tile
+TSD_TILE_MASK = TSD_TILE_SIDE - 1  # bits of a cell's index that are its place in the tile
+LIKELIHOOD_STRIDE = TSD_TILE_SIDE // 2  # cells along the edge of a cell of `likelihood`
+N_LAYERS = 4  # normals near +x, +y, -x, -y
+MIN_LAYER_COSINE = 0.55  # of a normal to a layer's axis (57 degrees) to be written to the layer
+PASS_BITS, BEHIND_BIT = 3, 4  # of `cell_state`: number of beams that passed; behind a surface
 
-# Kernels of a cell are FAST so that they are inlined: a call that hands over a Field, fifty words,
-# takes longer than reading it.
+# Kernels that handle one cell are FAST and so inlined: passing a Field, fifty words, to a function
+# takes longer than reading the cell.
 
 
 class Field(NamedTuple):
-    """Tiles of signed distances in four layers (surfaces facing +x, +y, -x, -y).
+    """Tiles of signed distances in four layers (surfaces with normals near +x, +y, -x, -y).
 
-    `slots` (ny, nx, 4) gives each tile's place in the pool; 0 is a tile that is unknown everywhere,
-    for all that are not there. `tsd` [m] (n, SIDE, SIDE) is nan where unknown. `corner` (2,) [m]
-    is the outer corner of tile [0, 0]. `used` (1,) counts slots taken. `seen` (ny SIDE, nx SIDE)
-    counts up to PASSED beams in two bits, with the bit BEHIND. `walls` (ny SIDE / WALL,
-    nx SIDE / WALL): how close the nearest surface came to a cell's center, 1 for zero, 0 for a
-    truncation.
+    `slots` (ny, nx, 4): index of each tile in the pool `tsd`; 0 is the common unknown tile.
+    `tsd` (n, TSD_TILE_SIDE, TSD_TILE_SIDE) [m], nan where unknown, and `weight` of its shape.
+    `corner` (2,) [m]: outer corner of tile [0, 0]. `used` (1,): number of tiles in the pool.
+    `cell_state` (ny TSD_TILE_SIDE, nx TSD_TILE_SIDE): PASS_BITS, number of beams that passed, up
+    to three; BEHIND_BIT, whether the cell was behind a surface. `likelihood`, LIKELIHOOD_STRIDE
+    times coarser: 1 for a surface at the center of a cell of the field, 0 from the truncation on.
     """
 
     slots: NDArray[np.int32]
@@ -40,29 +41,29 @@ class Field(NamedTuple):
     corner: Floats
     cell: float
     used: NDArray[np.int64]
-    seen: NDArray[np.uint8]
-    walls: NDArray[np.float32]
+    cell_state: NDArray[np.uint8]
+    likelihood: NDArray[np.float32]
 
 
 class PushRule(NamedTuple):
-    """How a scan enters the field: truncation [m], weight cap, angle between beams [rad]."""
+    """How a scan enters the field: truncation [m], weight limit, angle between beams [rad]."""
 
     truncation: float
     max_weight: float
-    gap: float
+    angle_increment: float
 
 
 @njit(fastmath=FAST, inner=True)
-def facing(nx: float, ny: float) -> int:
-    """Layer of a surface with this normal: 0 +x, 1 +y, 2 -x, 3 -y. ours."""
+def layer_of(nx: float, ny: float) -> int:
+    """Layer of the axis nearest to a normal: 0 +x, 1 +y, 2 -x, 3 -y. ours."""
     if abs(nx) >= abs(ny):
         return 0 if nx >= 0.0 else 2
     return 1 if ny >= 0.0 else 3
 
 
 @njit(fastmath=FAST, inner=True)
-def next_facing(nx: float, ny: float) -> int:
-    """Layer of the second nearest axis to this normal, beside that of `facing`. ours."""
+def second_layer_of(nx: float, ny: float) -> int:
+    """Layer of the axis second nearest to a normal. ours."""
     if abs(nx) >= abs(ny):
         return 1 if ny >= 0.0 else 3
     return 0 if nx >= 0.0 else 2
@@ -70,8 +71,8 @@ def next_facing(nx: float, ny: float) -> int:
 
 @njit(fastmath=FAST, inner=True, borrows=True)
 def slot_of(field: Field, layer: int, iy: int, ix: int) -> int:
-    """Place in the pool of the tile that a cell lies in, 0 where there is none. ours."""
-    ty, tx = iy >> SHIFT, ix >> SHIFT
+    """Index in the pool of the tile that contains a cell, 0 if there is none. ours."""
+    ty, tx = iy >> TSD_TILE_SHIFT, ix >> TSD_TILE_SHIFT
     if ty < 0 or tx < 0 or ty >= field.slots.shape[0] or tx >= field.slots.shape[1]:
         return 0
     return int(field.slots[ty, tx, layer])
@@ -80,32 +81,32 @@ def slot_of(field: Field, layer: int, iy: int, ix: int) -> int:
 @njit(fastmath=FAST, inner=True, borrows=True)
 def cell_value(field: Field, layer: int, iy: int, ix: int) -> float:
     """Signed distance [m] in one cell, nan where unknown or outside. ours."""
-    return float(field.tsd[slot_of(field, layer, iy, ix), iy & INSIDE, ix & INSIDE])
+    return float(field.tsd[slot_of(field, layer, iy, ix), iy & TSD_TILE_MASK, ix & TSD_TILE_MASK])
 
 
 @njit(fastmath=FAST, inner=True, borrows=True)
-def seen_at(field: Field, x: float, y: float) -> int:
-    """What `seen` says of the cell at a point, 0 outside. ours."""
+def state_at(field: Field, x: float, y: float) -> int:
+    """The `cell_state` at a point [m], 0 outside of the map. ours."""
     ix = math.floor((x - field.corner[0]) / field.cell)
     iy = math.floor((y - field.corner[1]) / field.cell)
-    inside = 0 <= iy < field.seen.shape[0] and 0 <= ix < field.seen.shape[1]
-    return int(field.seen[iy, ix]) if inside else 0
+    inside = 0 <= iy < field.cell_state.shape[0] and 0 <= ix < field.cell_state.shape[1]
+    return int(field.cell_state[iy, ix]) if inside else 0
 
 
 @njit(fastmath=FAST, inner=True, borrows=True)
 def read_field(field: Field, layer: int, x: float, y: float) -> tuple[float, float, float]:
     """Bilinear signed distance [m] and its gradient at a point; nan next to unknown cells.
 
-    [May14] interpolation between the four surrounding cell centers; ours: the gradient is that
-    of the interpolant, so that Gauss-Newton descends what it sums.
+    [May14] interpolation between the four surrounding cell centers; ours: the gradient of the
+    interpolant itself, so that Gauss-Newton descends the cost that it sums.
     """
     scale = 1.0 / field.cell
     u = (x - field.corner[0]) * scale - 0.5
     v = (y - field.corner[1]) * scale - 0.5
     ix, iy = math.floor(u), math.floor(v)
     wx, wy = u - ix, v - iy
-    slot, jx, jy = slot_of(field, layer, iy, ix), ix & INSIDE, iy & INSIDE
-    if jx < INSIDE and jy < INSIDE:
+    slot, jx, jy = slot_of(field, layer, iy, ix), ix & TSD_TILE_MASK, iy & TSD_TILE_MASK
+    if jx < TSD_TILE_MASK and jy < TSD_TILE_MASK:
         if slot == 0:
             return math.nan, math.nan, math.nan
         a, b = float(field.tsd[slot, jy, jx]), float(field.tsd[slot, jy, jx + 1])
@@ -122,12 +123,12 @@ def read_field(field: Field, layer: int, x: float, y: float) -> tuple[float, flo
 def place_lines(
     surfaces: Floats, count: int, firsts: Floats, beams: Beams, pose: Floats, out_lines: Floats
 ) -> tuple[float, float, float, float]:
-    """Surface elements in the map. ours: what is pushed are lines, not the ends of beams.
+    """Surface elements in the map frame, as the lines that a push writes.
 
-    surfaces (n, 8) as made by `fit_surfaces`; firsts (n + 1,) the first hit of each one's surface;
-    pose (3,) of the base. out_lines (n, 7): x, y [m], normal x, y, cosine of incidence, distance
-    [m] times the beams that it stands for, 1 where the surface goes on to the next element. Returns
-    their bounding box x, y, x, y [m].
+    ours: the published push writes the ends of beams. surfaces (n, 8) of `fit_surfaces`; firsts
+    (n + 1,) of `find_runs`; pose (3,) of the base. out_lines (n, 7): x, y [m], normal x, y, cosine
+    of incidence, range [m] times the number of its beams, 1 if the surface continues to the next
+    line. Returns their bounding box x, y, x, y [m].
     """
     x0, y0, x1, y1 = math.inf, math.inf, -math.inf, -math.inf
     c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -151,25 +152,25 @@ def place_lines(
 
 @njit
 def list_rows(field: Field, lines: Floats, count: int, rule: PushRule, out_rows: Floats) -> int:
-    """Rows of cells that cross a line, up to halfway to its neighbors, for each layer it faces.
+    """Rows of cells that each line crosses, up to halfway to its neighbors, in its layers.
 
-    ours: only the cells beside surfaces are visited. lines (n, 7) as made by `place_lines`;
-    layers 0 and 2 go by rows, 1 and 3 by columns. out_rows (m, 4): line, layer, number of the
-    row, where the line crosses it [m from the corner]. Returns how many.
+    ours: only cells near surfaces are visited. lines (n, 7) of `place_lines`; in layers 1 and 3
+    "rows" are columns. out_rows (m, 4): index of the line, layer, index of the row, where the line
+    crosses the row [m from the corner]. Returns the number of rows.
     """
     n_rows = 0
-    turn = math.copysign(1.0, rule.gap)
+    sign = math.copysign(1.0, rule.angle_increment)
     for k in range(count):
-        reach = min(0.5 * lines[k, 5] * abs(rule.gap) / lines[k, 4], 0.5)
+        half_length = min(0.5 * lines[k, 5] * abs(rule.angle_increment) / lines[k, 4], 0.5)
         for across in range(2):
             along = 1 - across
             nu, nv = lines[k, 2 + along], lines[k, 2 + across]
-            if abs(nv) < SHARED:
+            if abs(nv) < MIN_LAYER_COSINE:
                 continue
             layer = across if nv > 0.0 else across + 2
             u = lines[k, along] - field.corner[along]
-            ahead = reach * turn * nv * (2 * across - 1)
-            before, after = u - ahead, u + ahead
+            step = half_length * sign * nv * (2 * across - 1)
+            before, after = u - step, u + step
             if k > 0 and lines[k - 1, 6] > 0.0:
                 before = 0.5 * (u + lines[k - 1, along] - field.corner[along])
             if lines[k, 6] > 0.0:
@@ -190,13 +191,13 @@ def list_rows(field: Field, lines: Floats, count: int, rule: PushRule, out_rows:
 
 
 @njit(fastmath=FAST, inner=True)
-def begin_tile(field: Field) -> int:
-    """A tile of the pool that is unknown everywhere; 0 where all are taken. ours."""
+def allocate_tile(field: Field) -> int:
+    """Index of a new unknown tile in the pool, 0 if the pool is full. ours."""
     slot = field.used[0]
     if slot >= field.tsd.shape[0]:
         return 0
-    for j in range(SIDE):
-        for i in range(SIDE):
+    for j in range(TSD_TILE_SIDE):
+        for i in range(TSD_TILE_SIDE):
             field.tsd[slot, j, i] = math.nan
     field.used[0] += 1
     return int(slot)
@@ -204,10 +205,10 @@ def begin_tile(field: Field) -> int:
 
 @njit
 def push_rows(field: Field, lines: Floats, rows: Floats, n_rows: int, rule: PushRule) -> None:
-    """Push: every cell of the rows takes its distance to the line, a running weighted mean.
+    """Push: add the distance to the line to the running weighted mean of every cell of the rows.
 
     [May14] update of tsd and weight; ours: distance to the local line instead of along the ray,
-    each surface in the layers it faces, less weight behind it, where no beam has been.
+    in the layers of its normal, with less weight behind the surface, where no beam passed.
     """
     cell, tau = field.cell, rule.truncation
     for m in range(n_rows):
@@ -218,16 +219,16 @@ def push_rows(field: Field, lines: Floats, rows: Floats, n_rows: int, rule: Push
         last = math.floor((v + tau / abs(nv)) / cell - 0.5)
         for i in range(max(first, 0), last + 1):
             iy, ix = (row, i) if across == 0 else (i, row)
-            ty, tx = iy >> SHIFT, ix >> SHIFT
+            ty, tx = iy >> TSD_TILE_SHIFT, ix >> TSD_TILE_SHIFT
             if iy < 0 or ix < 0 or ty >= field.slots.shape[0] or tx >= field.slots.shape[1]:
                 continue
             slot = field.slots[ty, tx, layer]
             if slot == 0:
-                slot = begin_tile(field)
+                slot = allocate_tile(field)
                 if slot == 0:
                     continue
                 field.slots[ty, tx, layer] = slot
-            jy, jx = iy & INSIDE, ix & INSIDE
+            jy, jx = iy & TSD_TILE_MASK, ix & TSD_TILE_MASK
             sd = ((i + 0.5) * cell - v) * nv
             weight = lines[k, 4] * max(min(1.0 + sd / tau, 1.0), 0.01)
             old = field.weight[slot, jy, jx]
@@ -235,20 +236,20 @@ def push_rows(field: Field, lines: Floats, rows: Floats, n_rows: int, rule: Push
             field.tsd[slot, jy, jx] = mean + (sd - mean) * weight / (old + weight)
             field.weight[slot, jy, jx] = min(old + weight, rule.max_weight)
             if sd < -cell:
-                field.seen[iy, ix] |= BEHIND
-            near = 1.0 - abs(sd) / tau
-            if near > field.walls[iy // WALL, ix // WALL]:
-                field.walls[iy // WALL, ix // WALL] = near
+                field.cell_state[iy, ix] |= BEHIND_BIT
+            likelihood = 1.0 - abs(sd) / tau
+            if likelihood > field.likelihood[iy // LIKELIHOOD_STRIDE, ix // LIKELIHOOD_STRIDE]:
+                field.likelihood[iy // LIKELIHOOD_STRIDE, ix // LIKELIHOOD_STRIDE] = likelihood
 
 
 @njit(fastmath=FAST, inner=True)
-def forget(field: Field, layer: int, iy: int, ix: int, share: float, limit: float) -> bool:
-    """Leave a cell below `limit` [m] a share of its weight; true when it was its last. ours."""
-    ty, tx = iy >> SHIFT, ix >> SHIFT
-    slot, j, i = field.slots[ty, tx, layer], iy & INSIDE, ix & INSIDE
+def decay_cell(field: Field, layer: int, iy: int, ix: int, factor: float, limit: float) -> bool:
+    """Scale the weight of a cell below `limit` [m]; true if the cell became unknown. ours."""
+    ty, tx = iy >> TSD_TILE_SHIFT, ix >> TSD_TILE_SHIFT
+    slot, j, i = field.slots[ty, tx, layer], iy & TSD_TILE_MASK, ix & TSD_TILE_MASK
     if slot == 0 or not field.tsd[slot, j, i] < limit:
         return False
-    field.weight[slot, j, i] *= share
+    field.weight[slot, j, i] *= factor
     if field.weight[slot, j, i] >= 0.5:
         return False
     field.tsd[slot, j, i] = math.nan
@@ -258,31 +259,33 @@ def forget(field: Field, layer: int, iy: int, ix: int, share: float, limit: floa
 
 @njit
 def carve(field: Field, lines: Floats, count: int, x: float, y: float, rule: PushRule) -> None:
-    """Note the cells that beams from the laser at x, y passed, and forget walls they crossed.
+    """Count the beams that pass each cell and remove surfaces that beams crossed.
 
-    ours: free space costs one beam per cell, not one update per cell; only a beam that crosses a
-    surface from its front and goes on for two truncations contradicts it. A cell behind
-    the surface loses half its weight, and with its last the surface in front of it goes too.
+    ours: free space costs one beam per cell instead of one update per cell. A beam from the laser
+    at x, y [m] conflicts with a surface if it crosses the surface from the front and continues for
+    two truncations. Then a cell behind the surface loses half of its weight; once that cell is
+    unknown, the surface in front of it is removed, too.
     """
-    back = int(rule.truncation / field.cell) + 1
+    n_back = int(rule.truncation / field.cell) + 1
     u, v = (x - field.corner[0]) / field.cell, (y - field.corner[1]) / field.cell
     for k in range(count):
         r = math.hypot(lines[k, 0] - x, lines[k, 1] - y) + 1e-9
         dx, dy = (lines[k, 0] - x) / r, (lines[k, 1] - y) / r
-        shared = k & -k if k > 0 else count  # close by, every second, fourth ... line is enough
-        apart = abs(rule.gap) * lines[k, 5] / r
-        first = int(1.0 / (2.0 * apart * shared + 1e-9)) if shared < count else 0
+        stride = k & -k if k > 0 else count  # near the laser every 2nd, 4th ... line is enough
+        spacing = abs(rule.angle_increment) * lines[k, 5] / r
+        first = int(1.0 / (2.0 * spacing * stride + 1e-9)) if stride < count else 0
         last = int(r / field.cell)
         for step in range(min(first, last), last):
             ix, iy = math.floor(u + step * dx), math.floor(v + step * dy)
-            if field.seen[iy, ix] == PASSED:
+            state = field.cell_state[iy, ix]
+            if state == PASS_BITS:
                 continue
-            if field.seen[iy, ix] & PASSED != PASSED:
-                field.seen[iy, ix] += 1
-            if not field.seen[iy, ix] & BEHIND or r - step * field.cell < 2.0 * rule.truncation:
+            if state & PASS_BITS != PASS_BITS:
+                field.cell_state[iy, ix] += 1
+            if not state & BEHIND_BIT or r - step * field.cell < 2.0 * rule.truncation:
                 continue
-            layer = facing(-dx, -dy)
-            if forget(field, layer, iy, ix, 0.5, -field.cell):
-                for s in range(max(step - back, 0), step + 1):
+            layer = layer_of(-dx, -dy)
+            if decay_cell(field, layer, iy, ix, 0.5, -field.cell):
+                for s in range(max(step - n_back, 0), step + 1):
                     px, py = math.floor(u + s * dx), math.floor(v + s * dy)
-                    forget(field, layer, py, px, 0.0, math.inf)
+                    decay_cell(field, layer, py, px, 0.0, math.inf)

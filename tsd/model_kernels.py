@@ -1,4 +1,4 @@
-"""Ray cast: the model scan, what a laser would see of the field."""
+"""Ray cast: the model scan, which a laser would measure in the field."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ import numpy as np
 from slams.geometry import wrap_angle
 from slams.jit import FAST, njit
 from slams.types import Floats
-from tsd.map_kernels import LAYERS, SIDE, Field, read_field
+from tsd.map_kernels import N_LAYERS, TSD_TILE_SIDE, Field, read_field
 
-FRONT = 0.71  # cosine between a ray and a layer's axis: a layer beyond shows it only backs
-LEAST_SLOPE, MOST_SLOPE = 0.6, 1.5  # of one surface; borders between two have others
-BLIND = 2.0  # cells a ray goes where nothing is known: fewer than lie before a surface
-EDGE = 1e-6  # m beyond the edge of a tile
+MAX_FRONT_COSINE = 0.71  # of a ray to a layer's axis; above it the ray meets only backs
+MIN_SURFACE_SLOPE, MAX_SURFACE_SLOPE = 0.6, 1.5  # of the field at one surface, not between two
+UNKNOWN_STEP_CELLS = 2.0  # cells that a ray advances where all is unknown; the front band is wider
+TILE_EDGE_MARGIN = 1e-6  # m that a ray advances beyond the edge of an empty tile
 Pair = tuple[float, float]
 
 
 class Fan(NamedTuple):
-    """Rays `gap` [rad] apart from the first one on, as far as `reach` [m].
+    """Rays of a model scan: number, bearing of the first, `gap` between them [rad], range [m].
 
-    `around` is how many fill a circle, 0 where these do not.
+    `per_circle` is the number of rays in a full circle, 0 if the rays do not fill a circle.
     """
 
     rays: int
     first: float
     gap: float
     reach: float
-    around: int
+    per_circle: int
 
 
 class Model(NamedTuple):
-    """The model scan: `points` (n, 5) x, y [m], normal x, y in the map, range [m], 0 = nothing.
+    """Model scan: `points` (n, 5) x, y [m], normal x, y in the map, range [m], 0 for no hit.
 
-    It was cast by the rays of `fan` from a laser at x, y, heading.
+    The rays of `fan` start at the laser's pose x, y, heading.
     """
 
     points: Floats
@@ -46,80 +46,81 @@ class Model(NamedTuple):
 
 
 @njit(fastmath=FAST, inner=True)
-def layers_there(field: Field, ty: int, tx: int, dx: float, dy: float) -> int:
-    """Bits of the layers that have cells in a tile and show a ray their front. ours."""
+def visible_layers(field: Field, ty: int, tx: int, dx: float, dy: float) -> int:
+    """Bits of the layers that have cells in a tile and surfaces that a ray meets in front. ours."""
     bits = 0
     for layer in range(4):
         along = dx if layer % 2 == 0 else dy
-        if field.slots[ty, tx, layer] > 0 and (along if layer < 2 else -along) <= FRONT:
+        if field.slots[ty, tx, layer] > 0 and (along if layer < 2 else -along) <= MAX_FRONT_COSINE:
             bits |= 1 << layer
     return bits
 
 
 @njit(fastmath=FAST, inner=True)
-def way_through(at: float, step: float, size: float) -> float:
-    """Way [m] along a ray to the edge of its tile, on one axis; `at` in tiles. ours."""
+def distance_to_edge(at: float, step: float, size: float) -> float:
+    """Distance [m] along a ray to the edge of its tile on one axis; `at` in tiles. ours."""
     if step == 0.0:
         return math.inf
     return (math.floor(at) + (1.0 if step > 0.0 else 0.0) - at) * size / step
 
 
 @njit(fastmath=FAST, inner=True)
-def settle(
+def find_zero(
     field: Field,
     layer: int,
     model: Model,
     dx: float,
     dy: float,
-    ways: Pair,
-    sides: Pair,
+    distances: Pair,
+    values: Pair,
     out: Floats,
 ) -> None:
-    """The zero of a layer's distance along a ray, if it is a surface's front nearer than out[4].
+    """Zero of one layer along a ray, kept if it is the front of a surface nearer than out[4].
 
-    The distances `sides`, at two `ways` [m], are positive and not. Original code: linear between
-    the two; ours: from the slope there, which must be that of one surface. out (5,) as in `Model`.
+    At the two `distances` [m] on the ray the field has the `values` [m], positive and not.
+    Original code: linear between the two; ours: by the gradient there, which has to be that of one
+    surface. out (5,) is a row of `Model.points`.
     """
-    (low, high), (before, after) = ways, sides
+    (low, high), (before, after) = distances, values
     hit = low + (high - low) * before / (before - after)
-    at, gx, gy = read_field(field, layer, model.x + hit * dx, model.y + hit * dy)
+    value, gx, gy = read_field(field, layer, model.x + hit * dx, model.y + hit * dy)
     fall, slope = gx * dx + gy * dy, math.sqrt(gx * gx + gy * gy)
-    if LEAST_SLOPE < slope < MOST_SLOPE and fall < 0.0:
-        hit = min(max(hit - at / fall, low), high)
+    if MIN_SURFACE_SLOPE < slope < MAX_SURFACE_SLOPE and fall < 0.0:
+        hit = min(max(hit - value / fall, low), high)
         if hit < out[4]:
             out[0], out[1] = model.x + hit * dx, model.y + hit * dy
             out[2], out[3], out[4] = gx / slope, gy / slope, hit
 
 
 @njit(fastmath=FAST, inner=True)
-def forget_last(before: Floats) -> None:
-    """No distance is known at the last step. ours: assigning slices compiles for long."""
+def invalidate(before: Floats) -> None:
+    """Set the values of the last step to nan. ours: a slice assignment takes long to compile."""
     for layer in range(4):
         before[layer] = math.nan
 
 
 @njit(fastmath=FAST, inner=True)
 def cast_ray(field: Field, model: Model, dx: float, dy: float, before: Floats, out: Floats) -> bool:
-    """The nearest surface along a ray: out (5,), as a row of `Model.points`; False if nowhere.
+    """Nearest surface along a ray: out (5,), a row of `Model.points`; False if there is none.
 
-    [May14] ray cast; ours: tiles without cells are jumped over to their edges, so that a surface
-    beside one is not missed, and steps elsewhere are as long as the least distance. before (4,):
-    room.
+    [May14] ray cast; ours: a ray jumps over tiles without cells, to their edges so that it misses
+    no surface beside them, and elsewhere advances by the least distance. before (4,) is scratch.
     """
-    size, cell = field.cell * SIDE, field.cell
-    way, last = 0.0, 0.0
+    size, cell = field.cell * TSD_TILE_SIDE, field.cell
+    distance, last = 0.0, 0.0
     out[4] = math.inf
-    forget_last(before)
-    while way < model.fan.reach:
-        x, y = model.x + way * dx, model.y + way * dy
+    invalidate(before)
+    while distance < model.fan.reach:
+        x, y = model.x + distance * dx, model.y + distance * dy
         u, v = (x - field.corner[0]) / size, (y - field.corner[1]) / size
         tx, ty = math.floor(u), math.floor(v)
         if tx < 0 or ty < 0 or ty >= field.slots.shape[0] or tx >= field.slots.shape[1]:
             break
-        bits = layers_there(field, ty, tx, dx, dy)
+        bits = visible_layers(field, ty, tx, dx, dy)
         if bits == 0:
-            forget_last(before)
-            way += min(way_through(u, dx, size), way_through(v, dy, size)) + EDGE
+            invalidate(before)
+            edge = min(distance_to_edge(u, dx, size), distance_to_edge(v, dy, size))
+            distance += edge + TILE_EDGE_MARGIN
             continue
         step = math.inf
         for layer in range(4):
@@ -127,34 +128,35 @@ def cast_ray(field: Field, model: Model, dx: float, dy: float, before: Floats, o
             if bits & (1 << layer):
                 sd, _, _ = read_field(field, layer, x, y)
             if before[layer] > 0.0 and sd <= 0.0:
-                settle(field, layer, model, dx, dy, (last, way), (before[layer], sd), out)
+                interval = (last, distance)
+                find_zero(field, layer, model, dx, dy, interval, (before[layer], sd), out)
             before[layer] = sd
             if sd > 0.0:
                 step = min(step, sd)
         if out[4] < math.inf:
             return True
-        last = way
-        way += max(step, cell) if step < math.inf else BLIND * cell
+        last = distance
+        distance += max(step, cell) if step < math.inf else UNKNOWN_STEP_CELLS * cell
     return False
 
 
 @njit(fastmath=FAST, inner=True)
 def ray_at(fan: Fan, bearing: float) -> int:
-    """Number of the ray nearest to a bearing [rad] in the laser's frame. ours."""
+    """Index of the ray nearest to a bearing [rad] in the laser's frame. ours."""
     middle = 0.5 * (fan.rays - 1)
     return round(wrap_angle(bearing - fan.first - middle * fan.gap) / fan.gap + middle)
 
 
 @njit
 def cast_rays(field: Field, model: Model) -> int:
-    """Model scan: of every ray the nearest surface with its normal. Returns how many rays hit.
+    """Write the model scan, the nearest surface of every ray, to model.points; returns the hits.
 
-    [May14] geometry of the scanner from the predicted pose, normal = gradient of the field; ours:
-    the layers that a ray can see from the front. Writes model.points.
+    [May14] geometry of the scanner at the predicted pose, normal = gradient of the field; ours:
+    only the layers with surfaces that the ray meets in front.
     """
     n_hits = 0
     fan, out = model.fan, model.points
-    before = np.empty((1, LAYERS))[0]  # a kind of array that is compiled already
+    before = np.empty((1, N_LAYERS))[0]  # a type of array that is compiled already
     for k in range(fan.rays):
         angle = model.heading + fan.first + k * fan.gap
         if cast_ray(field, model, math.cos(angle), math.sin(angle), before, out[k]):

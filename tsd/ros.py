@@ -1,32 +1,28 @@
-"""What the parameters of ohm_tsd_slam mean here; the mapped names stand at the fields."""
+"""How parameters of ohm_tsd_slam are used here; fields of `params` list the mapped names."""
 
 import dataclasses
 
 from slams.params import RosNames
 
-DIRECT = "the ICP and RANSAC of the default have settings of their own"
-OTHER_MODES = "of the registration modes 1 and 2, which are not here"
-UNUSED = "read but not used by ohm_tsd_slam either"
+OWN_SETTINGS_REASON = "ICP and RANSAC of the default have their own parameters"
+OTHER_MODES_REASON = "belongs to registration modes 1 and 2, which are not implemented"
+UNUSED_REASON = "ohm_tsd_slam reads it and does not use it"
 
-ORIGINAL = RosNames(
+ORIGINAL_ROS_NAMES = RosNames(
     package="ohm_tsd_slam",
     nodes=("slam_node", "tsd_slam", "tsd_slam_node", "ohm_tsd_slam_node", "slam"),
-    units={
-        "truncation_radius": "cell",
-        "reg_sin_rot_max": "sin",
-        "ransac_phi_max": "deg",
-    },
+    units={"truncation_radius": "cell", "reg_sin_rot_max": "sin", "ransac_phi_max": "deg"},
     words={"registration_mode": {"0": "icp", "3": "tsd"}},
     ignored={
-        "x_offset": "moves the picture of the map alone",
-        "y_offset": "moves the picture of the map alone",
+        "x_offset": "moves only the image of the map",
+        "y_offset": "moves only the image of the map",
         "local_offset_x": "the first pose is the origin",
         "local_offset_y": "the first pose is the origin",
         "local_offset_yaw": "the first pose is the origin",
-        "footprint_height": "the freed patch is square",
-        "min_range": "the log's laser has it",
-        "use_object_inflation": "the map's picture is not inflated",
-        "object_inflation_factor": "the map's picture is not inflated",
+        "footprint_height": "the area marked as free is square",
+        "min_range": "the log contains the laser's limit",
+        "use_object_inflation": "the map's image is not inflated",
+        "object_inflation_factor": "the map's image is not inflated",
     }
     | dict.fromkeys(
         (
@@ -34,14 +30,14 @@ ORIGINAL = RosNames(
             *("epsTresh", "ransac_trials", "ransac_eps_thresh", "ransac_ctrlset_size"),
             *("max_velocity_lin", "max_velocity_rot", "ude_odom_rescue", "wait_for_odom_tf"),
         ),
-        UNUSED,
+        UNUSED_REASON,
     )
     | dict.fromkeys(
         (
             *("epsThresh", "zhit", "zshort", "zmax", "sighit", "lamshort"),
             *("maxAngleDiff", "percentagePointsInC"),
         ),
-        OTHER_MODES,
+        OTHER_MODES_REASON,
     ),
     refused={"robot_nbr": ("1", "one robot, one laser; a log per robot")},
     defaults={
@@ -56,23 +52,23 @@ ORIGINAL = RosNames(
         "zrand": 0.25,
     },
 )
-ROS = dataclasses.replace(
-    ORIGINAL,
+ROS_NAMES = dataclasses.replace(
+    ORIGINAL_ROS_NAMES,
     units={"truncation_radius": "cell"},
     words={},
     original_only={
-        "registration_mode": "the default runs ICP always, RANSAC where in doubt",
+        "registration_mode": "the default always runs ICP, and RANSAC if ICP is uncertain",
         "map_size": "the map grows as needed",
-        "low_reflectivity_range": "the default frees nothing without a return",
-        "footprint_width": "the default frees nothing unseen",
-        "footprint_x_offset": "the default frees nothing unseen",
+        "low_reflectivity_range": "the default ignores beams without a return",
+        "footprint_width": "the default marks only observed cells as free",
+        "footprint_x_offset": "the default marks only observed cells as free",
     }
     | dict.fromkeys(
         (
             *("icp_iterations", "dist_filter_max", "dist_filter_min", "reg_trs_max"),
             *("reg_sin_rot_max", "trials", "sizeControlSet", "ransac_phi_max", "zrand"),
         ),
-        DIRECT,
+        OWN_SETTINGS_REASON,
     ),
     defaults={},
 )

@@ -1,4 +1,4 @@
-"""SurfaceScan: what one scan shows, as surface elements with normals."""
+"""SurfaceScan: one scan as surface elements with normals."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from tsd.map_kernels import place_lines
 from tsd.params import TsdParams
 from tsd.scan_kernels import Beams, SurfaceRule, find_runs, fit_surfaces
 
-SPARSE = 10.0  # cells between beams, beyond which a hit alone is no surface
-LINES = 0.5  # cells from line to line of a push: each row of cells takes one of them
-SOFT = 3.0  # deviations of the noise at which an element counts half
+MAX_ISOLATED_GAP_CELLS = 10.0  # gap between beams up to which an isolated hit is a surface
+LINE_SPACING_CELLS = 0.5  # between the lines of a push: every row of cells gets one of them
+ROBUST_SCALE_DEVIATIONS = 3.0  # of the range noise: distance at which an element has weight 1/2
 
 
 class SurfaceScan(EndPoints):
     """The last scan: its end points, and its surface elements, thinned for registration.
 
-    `elements` (>= count, 8) of `fit_surfaces`, `beams` as the kernels see them.
+    `elements` (>= count, 8) of `fit_surfaces`; `beams`, the laser as an argument of kernels.
 
     Args:
         params: parameters.
@@ -34,7 +34,7 @@ class SurfaceScan(EndPoints):
         self.count = 0
 
     def read(self, scan: Scan, velocity: Pose2) -> SurfaceScan:
-        """Read a scan; `velocity` of the base [m/s, rad/s] takes out the motion of the sweep."""
+        """Read a scan and deskew it with the `velocity` of the base [m/s, rad/s]."""
         super().read(scan, velocity)
         self.beams = Beams(self.mount.x, self.mount.y, scan.laser.angle_increment)
         p = self._p
@@ -44,7 +44,7 @@ class SurfaceScan(EndPoints):
             p.max_slope,
             (p.roughness * self.noise) ** 2,
             p.beam_width,
-            SPARSE * p.cell,
+            MAX_ISOLATED_GAP_CELLS * p.cell,
             False,
         )
         find_runs(self.points, self.n, self.beams, rule, self._firsts)
@@ -52,24 +52,24 @@ class SurfaceScan(EndPoints):
         return self
 
     def lines(self, pose: Pose2) -> tuple[Floats, Box]:
-        """Lines (n, 7) in the map, for a push, with the box around them."""
-        rule = self._rule._replace(keeps_alone=True)
-        count = self._fit(rule, LINES * self._p.cell, self._dense)
+        """Lines (n, 7) of `place_lines` in the map for a push, and their bounding box."""
+        rule = self._rule._replace(keep_isolated=True)
+        count = self._fit(rule, LINE_SPACING_CELLS * self._p.cell, self._dense)
         lines = self._lines[:count]
         box = place_lines(self._dense, count, self._firsts, self.beams, np.array(pose), lines)
         return lines, Box(*box)
 
     @property
     def laser(self) -> Laser:
-        """Of the last scan."""
+        """Laser of the last scan."""
         if self._laser is None:
-            raise LookupError("no scan was taken yet; call take() first")
+            raise LookupError("no scan was read yet; call read() first")
         return self._laser
 
     @property
     def softness(self) -> float:
-        """Distance from a surface [m] at which an element counts half."""
-        return max(self._p.robust, SOFT * self.noise)
+        """Robust scale: distance from a surface [m] at which an element has weight 1/2."""
+        return max(self._p.robust, ROBUST_SCALE_DEVIATIONS * self.noise)
 
     def _adopt(self, laser: Laser, n_beams: int) -> None:
         super()._adopt(laser, n_beams)
@@ -78,5 +78,5 @@ class SurfaceScan(EndPoints):
         self.elements, self._dense = np.zeros((n, 8)), np.zeros((n, 8))
 
     def _fit(self, rule: SurfaceRule, spacing: float, out: Floats) -> int:
-        room = self.moments, self._firsts
-        return int(fit_surfaces(self.points, self.n, *room, self.beams, rule, spacing, out))
+        sums = self.moments, self._firsts
+        return int(fit_surfaces(self.points, self.n, *sums, self.beams, rule, spacing, out))

@@ -1,4 +1,4 @@
-"""From end points to surfaces: the line through each end point's neighborhood."""
+"""From end points to surface elements: a line fitted to the neighborhood of each end point."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from slams.jit import FAST, njit
 from slams.scan.scan_kernels import Points, beyond_chord
 from slams.types import Floats, Pose2
 
-GAP, NEAR = 3.0, 0.3  # beams from hit to hit, or m, beyond which a surface ends
-SMOOTH = 1.5  # variances of the noise, below which a window has no corner
-IN_LINE = 4.0  # deviations of the noise along a beam
-FEW = 2.0  # hits to either side in a window, below which they do not tell a normal of their own
+MAX_SURFACE_GAP_BEAMS, MAX_SURFACE_GAP = 3.0, 0.3  # beams, m: a gap above both ends a surface
+MAX_FLAT_VARIANCE_RATIO = 1.5  # of a line to the range noise; a window below it has no corner
+COLLINEAR_DEVIATIONS = 4.0  # standard deviations of the range noise, along a beam
+MIN_HALF_WINDOW_HITS = 2.0  # fewer hits in half a window determine no normal
 
 
 class Beams(NamedTuple):
-    """A laser as the kernels see it: where it is on the base [m], angle between beams [rad]."""
+    """Position of the laser on the base [m], angle between its beams [rad]."""
 
     mount_x: float
     mount_y: float
@@ -24,20 +24,20 @@ class Beams(NamedTuple):
 
 
 class SurfaceRule(NamedTuple):
-    """What counts as one surface.
+    """Criteria of one surface.
 
-    Half window of a line [m], range noise [m], jump angle's cotangent, variance [m2] of a rough
-    one, blur across in beam spacings, widest gap [m] to the next beam at which a hit alone is a
-    surface; whether one that is none is kept, without a normal.
+    Half window of a line [m], range noise [m], cotangent of the angle of a range jump, variance
+    [m2] above which a surface is rough, beam width in beam spacings, gap [m] between beams up to
+    which an isolated hit is a surface, whether other isolated hits are kept, without a normal.
     """
 
     window: float
     noise: float
     max_slope: float
-    rough: float
+    max_variance: float
     beam_width: float
-    widest: float
-    keeps_alone: bool
+    max_gap: float
+    keep_isolated: bool
 
 
 @njit(fastmath=FAST, inner=True)
@@ -62,23 +62,23 @@ def fit_line(sums: Floats, a: int, b: int) -> tuple[float, float, float, float, 
 
 @njit(fastmath=FAST, inner=True)
 def fit_best_line(
-    sums: Floats, k: int, reach: int, first: int, last: int, smooth: float
+    sums: Floats, k: int, half_window: int, first: int, last: int, flat: float
 ) -> tuple[float, float, float, float, float]:
-    """The line of hit k from the window around, before or after it: the smoothest one.
+    """Line at hit k from the window around, before or after k with the least variance.
 
-    ours: near a corner one of the three windows lies on one surface only; where the one around is
-    of a variance below `smooth` [m2] there is no corner.
+    ours: near a corner, one of the three windows lies on one surface only. A window around k with
+    a variance below `flat` [m2] has no corner, and the other two are not tried.
     """
-    best = fit_line(sums, max(k - reach, first), min(k + reach + 1, last))
-    if best[4] < smooth:
+    best = fit_line(sums, max(k - half_window, first), min(k + half_window + 1, last))
+    if best[4] < flat:
         return best
     limit = 0.5 * best[4]
-    before, after = max(k - 2 * reach, first), min(k + 2 * reach + 1, last)
-    if k + 1 - before > 2 * min(reach, 1):
+    before, after = max(k - 2 * half_window, first), min(k + 2 * half_window + 1, last)
+    if k + 1 - before > 2 * min(half_window, 1):
         side = fit_line(sums, before, k + 1)
         if side[4] < limit:
             best, limit = side, side[4]
-    if after - k > 2 * min(reach, 1):
+    if after - k > 2 * min(half_window, 1):
         side = fit_line(sums, k, after)
         if side[4] < limit:
             best = side
@@ -86,41 +86,42 @@ def fit_best_line(
 
 
 @njit(inner=True)
-def in_line(points: Points, n: int, first: int, beams: Beams, noise: float) -> bool:
-    """Whether three hits, of beams side by side, lie on one line up to noise.
+def are_collinear(points: Points, n: int, first: int, beams: Beams, noise: float) -> bool:
+    """Whether three hits of adjacent beams lie on one line, up to the range noise.
 
-    ours: far along a corridor hits are a meter apart, and still on one wall. Taken for a surface
-    each, facing the laser, they move with the robot and hold it where it is.
+    ours: far along a corridor the hits on a wall are a meter apart. If each were a surface of its
+    own with a normal towards the laser, the surfaces would move with the robot and hide its motion.
     """
     if first < 0 or first + 2 >= n or points[2, first + 2] - points[2, first] > 4.0:
         return False
     mount = Pose2(beams.mount_x, beams.mount_y, 0.0)
-    return abs(beyond_chord(points, first, first + 1, first + 2, mount)) < IN_LINE * noise
+    distance = abs(beyond_chord(points, first, first + 1, first + 2, mount))
+    return distance < COLLINEAR_DEVIATIONS * noise
 
 
 @njit(inner=True)
-def side_by_side(points: Points, a: int, b: int, beams: Beams, rule: SurfaceRule) -> bool:
-    """Whether hit a and a later one b may be of one surface, by their ranges.
+def are_connected(points: Points, a: int, b: int, beams: Beams, rule: SurfaceRule) -> bool:
+    """Whether hit a and a later hit b can lie on one surface, by their ranges.
 
-    ours: the published 3 degree jump test, with room for range noise, and for grazing walls.
+    ours: the published 3 degree jump test, with a margin for range noise and grazing incidence.
     """
     ra = math.hypot(points[0, a] - beams.mount_x, points[1, a] - beams.mount_y)
     rb = math.hypot(points[0, b] - beams.mount_x, points[1, b] - beams.mount_y)
     steps = points[2, b] - points[2, a]
     spacing = min(ra, rb) * abs(beams.angle_increment) * steps
-    near = steps <= GAP or spacing < NEAR
+    near = steps <= MAX_SURFACE_GAP_BEAMS or spacing < MAX_SURFACE_GAP
     return bool(near and abs(rb - ra) <= rule.max_slope * spacing + 4.0 * rule.noise)
 
 
 @njit
 def find_runs(points: Points, n: int, beams: Beams, rule: SurfaceRule, out_first: Floats) -> None:
-    """The first hit of the unbroken surface that every hit lies on, out_first (n + 1,). ours."""
+    """Segment the scan into surfaces: out_first (n + 1,), first hit of each hit's surface. ours."""
     first = 0
     for k in range(1, n):
         if (
-            not side_by_side(points, k - 1, k, beams, rule)
-            and not in_line(points, n, k - 2, beams, rule.noise)
-            and not in_line(points, n, k - 1, beams, rule.noise)
+            not are_connected(points, k - 1, k, beams, rule)
+            and not are_collinear(points, n, k - 2, beams, rule.noise)
+            and not are_collinear(points, n, k - 1, beams, rule.noise)
         ):
             first = k
         out_first[k] = first
@@ -138,21 +139,22 @@ def fit_surfaces(
     spacing: float,
     out_surfaces: Floats,
 ) -> int:
-    """Surface elements every `spacing` [m]: point on the local line, normal, information.
+    """Surface elements every `spacing` [m] along a surface; returns their number.
 
-    ours: lines through many hits are less noisy than a hit. points (3, n), sums (6, n + 1) of
-    `scan_moments`, firsts (n + 1,) of `find_runs`; out_surfaces (n, 8): x, y [m], normal
-    x, y (towards the laser), information [1/m2] of the beams it stands for, index of its hit, how
-    many beams, 1 if hits are close enough to tell its normal. One hit alone where beams are far
-    apart may lie on a wall of any direction: taken to face the laser it would move with the robot.
-    It has no normal (0, 0), or is left out.
+    ours: a line through many hits has less noise than one hit. An isolated hit between beams that
+    are far apart may lie on a wall of any direction. With a normal towards the laser the element
+    would move with the robot, so it has no normal (0, 0) or is left out.
+
+    points (3, n), sums (6, n + 1) of `scan_moments`, firsts (n + 1,) of `find_runs`. out_surfaces
+    (n, 8): x, y [m], normal x, y (towards the laser), information [1/m2] of its beams, index of
+    its hit, number of its beams, 1 if the hits are dense enough to determine the normal.
     """
     n_elements, k, last = 0, 0, 0
-    smooth = SMOOTH * rule.noise * rule.noise
+    flat = MAX_FLAT_VARIANCE_RATIO * rule.noise * rule.noise
     while k < count:
         rx, ry = beams.mount_x - points[0, k], beams.mount_y - points[1, k]
         step_length = max(math.sqrt(rx * rx + ry * ry) * abs(beams.angle_increment), 1e-6)
-        reach = max(int(rule.window / step_length), 2)
+        half = max(int(rule.window / step_length), 2)
         first = int(firsts[k])
         while last <= k or (last < count and firsts[last] == first):
             last += 1
@@ -160,17 +162,17 @@ def fit_surfaces(
         center = k + stride // 2
         rx, ry = beams.mount_x - points[0, center], beams.mount_y - points[1, center]
         r = math.sqrt(rx * rx + ry * ry) + 1e-9
-        alone = False
+        isolated = False
         if last - first >= 3:
             while True:
-                mx, my, nx, ny, variance = fit_best_line(sums, center, reach, first, last, smooth)
-                if variance <= rule.rough or reach <= 1:
+                mx, my, nx, ny, variance = fit_best_line(sums, center, half, first, last, flat)
+                if variance <= rule.max_variance or half <= 1:
                     break
-                reach = reach // 2
-            if variance > rule.rough:
+                half = half // 2
+            if variance > rule.max_variance:
                 mx, my = points[0, center], points[1, center]
         else:
-            alone = step_length > rule.widest
+            isolated = step_length > rule.max_gap
             mx, my, nx, ny = points[0, center], points[1, center], rx / r, ry / r
             variance = 9.0 * rule.noise * rule.noise
         cosine = (rx * nx + ry * ny) / r
@@ -180,15 +182,16 @@ def fit_surfaces(
         blur = rule.beam_width * step_length
         oblique = blur * blur * max(1.0 - cosine * cosine, 0.0)
         floor = rule.noise * rule.noise * max(cosine * cosine, 0.04) + oblique
-        if cosine > 0.05 and (rule.keeps_alone or not alone):
+        if cosine > 0.05 and (rule.keep_isolated or not isolated):
+            dense = MIN_HALF_WINDOW_HITS * step_length < rule.window
             out_surfaces[n_elements, 0] = points[0, center] - offset * nx
             out_surfaces[n_elements, 1] = points[1, center] - offset * ny
-            out_surfaces[n_elements, 2] = 0.0 if alone else nx
-            out_surfaces[n_elements, 3] = 0.0 if alone else ny
+            out_surfaces[n_elements, 2] = 0.0 if isolated else nx
+            out_surfaces[n_elements, 3] = 0.0 if isolated else ny
             out_surfaces[n_elements, 4] = stride / max(variance, floor)
             out_surfaces[n_elements, 5] = center
             out_surfaces[n_elements, 6] = stride
-            out_surfaces[n_elements, 7] = 1.0 if FEW * step_length < rule.window else 0.0
+            out_surfaces[n_elements, 7] = 1.0 if dense else 0.0
             n_elements += 1
         k += stride
     return n_elements

@@ -7,16 +7,16 @@ Mapping, VMV 2014.
 J. Martin, A. Nuechter: Multi-Robot Localization and Mapping Based on Signed Distance Functions,
 ICARSC 2015. Per scan:
 
-1. Predict the pose; ours: with a covariance, from wheels, gyro and the motion so far.
-2. Surface elements of the scan, with their normals; ours: freed from the motion of a sweep.
-3. Register: RANSAC [Koch15] where the prediction or the last fit leaves doubt, a ray cast of the
-   model scan that the map would show from there, ICP of the scan to it [May14].
-4. ours: Gauss-Newton on the signed distances themselves, from ICP's pose and its start.
-5. Take the match; ours: decide between these, those of a search, and the prediction.
+1. Predict the pose; ours: with a covariance, from wheels, gyro and the recent motion.
+2. Fit surface elements with normals to the scan; ours: after deskewing the sweep.
+3. Register the scan to a model scan, cast from the map at the predicted pose: by ICP [May14], and
+   by RANSAC and ICP [Koch15]; ours: RANSAC only if prediction or ICP are uncertain.
+4. ours: refine the pose by Gauss-Newton on the signed distances.
+5. Take the match; ours: select among matches, poses of a search, and the prediction.
 6. If the robot has moved, push the scan into the field [May14].
 
-What is ours is `slams.frontend` and step 4. `tsd@paper` leaves out both; the published program,
-`tsd@original`, stands in `original`.
+What is ours is `slams.frontend` and step 4. `tsd@paper` leaves out both. The published program,
+`tsd@original`, is in the folder `original`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from tsd.scan import SurfaceScan
 class Tsd(HasEstimator):
     """SLAM on a field of truncated signed distances; see the module for the steps.
 
-    `frozen`: nothing enters the map.
+    `frozen`: if set, scans do not enter the map.
     """
 
     Params: ClassVar[type[TsdParams]] = TsdParams
@@ -64,7 +64,7 @@ class Tsd(HasEstimator):
         prior = self._estimator.predict(scan)  # 1.
         points = self._scan.read(scan, prior.twist)  # 2.
         matches = self._match(points, prior.pose, prior)
-        if points.has_sweep:  # 2. again, with the motion that was found
+        if points.has_sweep:  # 2. again, deskewed with the matched motion
             points = self._scan.read(scan, self._estimator.twist_at(matches[0].pose))
             matches = self._match(points, prior.pose, prior)
         pose = self._estimator.decide(points, matches, self._map, self._match)  # 5.
@@ -75,29 +75,29 @@ class Tsd(HasEstimator):
         return points.at_stamp(pose)
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
-        """Let a scan enter the map at a known pose, without matching."""
+        """Push a scan at a known pose, without matching."""
         self._estimator.place(scan, pose)
         self._insert(self._scan.read(scan, IDENTITY), pose)
 
     def adopt(self, other: Tsd, pose: Pose2) -> None:
-        """Go on in the map of another instance, at `pose` in it, moving as before."""
+        """Continue in the map of another instance at `pose`, with the same motion."""
         self._map, self._keyframes = other._map, other._keyframes
         self._registration = other._registration
         self._estimator.correct(pose)
 
     def map(self) -> OccupancyGrid:
-        """The map as it stands now."""
+        """The present map."""
         return self._map.grid()
 
     def snapshot(self) -> Callable[[], OccupancyGrid]:
-        """A function that draws the map as it stands now, while updates go on."""
+        """A function that draws the present map, also while updates go on."""
         return self._map.snapshot().draw
 
     def report(self) -> dict[str, Any]:
         """Counts of scans.
 
-        `posed` by ICP, `kept` where the pose within a cell of that was taken, `refined` on the
-        field, `inserted`; those of the estimator and of the map's bounds.
+        `posed`: matched by ICP; `kept`: pose taken within a cell of ICP's; `refined` on the field;
+        `inserted`; and the counts of the estimator, the map's bounds and the scan.
         """
         counts = self._counts | self._estimator.counts | self._map.extent.counts
         return counts | self._scan.counts
@@ -112,7 +112,7 @@ class Tsd(HasEstimator):
         return [match._replace(coarse=coarse.pose) for match in found]
 
     def _refine(self, start: Pose2, coarse: Match, prior: Prior) -> list[Match]:
-        """Gauss-Newton on the field, from where ICP started and, if that is elsewhere, ended."""
+        """Gauss-Newton on the field from the start of ICP and, if far from there, from its end."""
         scan, cell = self._scan, self.params.cell
         found = [self._map.align(scan, start, prior)]
         if pose_distance(scan, coarse.pose, found[0].pose) > cell:
@@ -120,7 +120,7 @@ class Tsd(HasEstimator):
         return found
 
     def _learn(self, points: SurfaceScan) -> None:
-        """Count how the match that was taken came about; its residuals are usual from now on."""
+        """Count how the selected match was found, and learn the field's error from it."""
         match = self._estimator.match
         if match is None or match.coarse is None:
             return

@@ -1,4 +1,4 @@
-"""What several tests of tsd look at."""
+"""Fields, scans and parameters that several tests of tsd use."""
 
 from functools import partial
 
@@ -10,7 +10,7 @@ from slams.types import IDENTITY
 from tests.rooms import box, drive, driven, made
 from tsd import TsdParams
 from tsd.map import TileField
-from tsd.map_kernels import facing, read_field
+from tsd.map_kernels import layer_of, read_field
 from tsd.scan_kernels import Beams, SurfaceRule
 
 BOX = np.array(box(-3.0, -2.0, 2.5, 2.2))
@@ -27,11 +27,11 @@ def field_of(**changes):
 
 
 def field_at(slam, x, y, normal):
-    return read_field(slam._map.kernel, facing(*normal), x, y)
+    return read_field(slam._map.kernel, layer_of(*normal), x, y)
 
 
 def scanned(n=10, **changes):
-    """A default that has seen a drive, and the last scan's elements."""
+    """A default after a drive, and the elements of the last scan."""
     slam = driven("tsd", drive(n=n), **changes)
     view = slam._scan
     return slam, view.elements[: view.count].copy()

@@ -65,7 +65,7 @@ def cell_of(kernel, layer, x, y):
     iy = math.floor((y - kernel.corner[1]) / kernel.cell)
     center = kernel.corner + kernel.cell * (np.array([ix, iy]) + 0.5)
     sd = float(kernel.tsd[kernel.slots[iy // 8, ix // 8, layer], iy % 8, ix % 8])
-    return sd, center, bool(kernel.seen[iy, ix] & 3)
+    return sd, center, bool(kernel.cell_state[iy, ix] & 3)
 
 
 def layer_of(normal):
@@ -73,8 +73,8 @@ def layer_of(normal):
     return int(np.argmax([normal[0], normal[1], -normal[0], -normal[1]]))
 
 
-def pose_score(kernel, elements, pose, truncation, against):
-    """Agreement of elements (n, 6) with the field at a pose, contradictions subtracted."""
+def pose_score(kernel, elements, pose, truncation, penalty):
+    """Match score of elements (n, 6) at a pose: inliers less conflicts."""
     total = 0.0
     for x, y, nx, ny, *_ in elements:
         point = Pose2(*pose).transform(np.array([[x, y]]))[0]
@@ -84,12 +84,12 @@ def pose_score(kernel, elements, pose, truncation, against):
         if abs(sd) < truncation:
             total += 1.0 - abs(sd) / truncation
         elif not math.isnan(sd) or passed_by:
-            total -= against
+            total -= penalty
     return total
 
 
 def pair_pose(line, element):
-    """The pose that lays an element x, y, normal on a line x, y, normal."""
+    """The pose that aligns an element x, y, normal with a line x, y, normal."""
     theta = math.atan2(line[3], line[2]) - math.atan2(element[3], element[2])
     turned = Pose2(0.0, 0.0, theta).transform(np.array([element[:2]]))[0]
     return Pose2(line[0] - turned[0], line[1] - turned[1], theta)

@@ -1,4 +1,4 @@
-"""tsd: the field of signed distances, and the maps that show it."""
+"""tsd: the field of signed distances, and the maps drawn from it."""
 
 import math
 
@@ -14,11 +14,11 @@ from tests.tsd import naive as naive_tsd
 from tests.tsd.cases import BOX, CORNER, PLANE, default, field_at, field_of, scanned
 from tsd.drawing import surface_cells
 from tsd.map_kernels import (
-    BEHIND,
-    PASSED,
+    BEHIND_BIT,
+    PASS_BITS,
     PushRule,
     carve,
-    facing,
+    layer_of,
     list_rows,
     push_rows,
     read_field,
@@ -104,7 +104,7 @@ def test_push_blends_every_line_into_its_cells():
         assert naive_tsd.cell_of(weights, 1, 1.01, y)[0] == pytest.approx(total, rel=1e-5)
     for y, behind in ((-0.125, True), (0.025, False)):
         ix, iy = ((np.array([1.01, y]) - field.kernel.corner) / 0.05).astype(int)
-        assert bool(field.kernel.seen[iy, ix] & BEHIND) == behind
+        assert bool(field.kernel.cell_state[iy, ix] & BEHIND_BIT) == behind
 
 
 @pytest.mark.parametrize("layer", range(4))
@@ -131,10 +131,10 @@ def test_walls_of_the_map_are_thin_and_nothing_else_is_occupied():
     ends = seen.ranges[:, None] * seen.laser.directions
     covered = np.mean([is_wall(grid, x, y) for x, y in ends])
     assert covered > 0.98
-    assert len(ix) < 400  # the outline is 19.4 m, 388 cells, and not all of it is seen
+    assert len(ix) < 400  # the outline is 19.4 m, 388 cells, and not all of it is observed
 
 
-def test_shares_count_what_is_explained_and_what_is_contradicted():
+def test_shares_count_inliers_and_conflicts():
     slam, elements = scanned()
     field, pose, softness = slam._map, slam._estimator.pose, slam._scan.softness
     inliers, conflicts = field.evaluate(slam._scan, pose)
@@ -143,7 +143,7 @@ def test_shares_count_what_is_explained_and_what_is_contradicted():
     for x, y, nx, ny, *_ in elements:
         p = pose.transform(np.array([[x, y]]))[0]
         n = Pose2(0.0, 0.0, pose.theta).transform(np.array([[nx, ny]]))[0]
-        values.append(read_field(field.kernel, facing(*n), *p)[0])
+        values.append(read_field(field.kernel, layer_of(*n), *p)[0])
     known = np.array(values)[np.isfinite(values)]
     assert inliers * len(elements) == pytest.approx((1 / (1 + (known / softness) ** 2)).sum())
     inliers, conflicts = field.evaluate(slam._scan, pose @ Pose2(0.5, 0.4, 0.3))
@@ -174,7 +174,7 @@ def test_a_sparse_line_is_not_continued_far_beyond_its_hit():
 def test_a_cell_that_one_beam_passed_is_shown_as_free():
     slam = default()
     slam.update(scan_at((0.0, 0.0, 0.0), laser(91)))  # 3 degrees apart
-    once = (slam._map.kernel.seen & PASSED) == 1
+    once = (slam._map.kernel.cell_state & PASS_BITS) == 1
     assert once.sum() > 1000
     assert (slam._map.grid().p < 0.1).sum() > 0.9 * once.sum()
 
@@ -187,10 +187,10 @@ def test_carve_marks_what_every_beam_passes():
     lines = np.column_stack([ends, np.zeros((200, 5))])
     lines[:, 5] = 4.02
     carve(field, lines, 200, *laser_at, PushRule(0.15, 100.0, gap))
-    twin = naive_tsd.passed(laser_at, ends, field.corner, 0.05, field.seen.shape)
-    seen = (field.seen & PASSED) > 0
+    twin = naive_tsd.passed(laser_at, ends, field.corner, 0.05, field.cell_state.shape)
+    seen = (field.cell_state & PASS_BITS) > 0
     assert not (seen & ~twin).any()
     assert (twin & ~seen).sum() < 0.02 * twin.sum()  # close by, not every beam is walked
     for _ in range(3):
         carve(field, lines, 200, *laser_at, PushRule(0.15, 100.0, gap))
-    assert np.array_equal(field.seen, PASSED * seen)  # three are counted, no more
+    assert np.array_equal(field.cell_state, PASS_BITS * seen)  # three are counted, no more

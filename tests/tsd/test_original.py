@@ -108,7 +108,7 @@ def test_original_refuses_long_steps():
     assert slam.report()["rejected"] == 1
 
 
-def test_original_knows_no_time_in_a_scan():
+def test_original_ignores_the_times_of_beams():
     """A sweep is registered once, as if all its beams were measured at the stamp."""
     slow = dataclasses.replace(laser(361), time_increment=0.0005)
     path = [Pose2(0.03 * i, 0.0, 0.02 * i) for i in range(8)]

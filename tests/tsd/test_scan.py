@@ -100,23 +100,23 @@ def firsts(points):
     return firsts_of(np.ascontiguousarray(np.transpose(numbered)), len(points), BEAMS)
 
 
-def test_a_wall_that_is_seen_aslant_goes_on_from_its_first_hit_and_to_its_last():
+def test_a_wall_at_grazing_incidence_reaches_from_its_first_hit_to_its_last():
     wall, before, behind = [(5.0, 1.0), (7.0, 1.0), (11.0, 1.0)], (3.0, 2.0), (4.0, 9.0)
     assert firsts([before, *wall]) == [0, 1, 1, 1]
     assert firsts([*wall, behind]) == [0, 0, 0, 3]
     assert firsts([(5.0, 1.0), (7.0, 1.5), (11.0, 1.0)]) == [0, 1, 2]  # not in line: no surface
 
 
-def test_a_hit_alone_between_far_beams_has_no_normal():
+def test_an_isolated_hit_between_distant_beams_has_no_normal():
     for n_beams, alone in ((41, True), (1081, False)):
         lidar = laser(n_beams)
         ranges = np.full(n_beams, np.inf, np.float32)
         ranges[n_beams // 2] = 6.0
         beams, points, count, sums = read(ranges, lidar)
-        rule, out, firsts = RULE._replace(widest=0.5), np.zeros((count, 8)), np.zeros(count + 1)
+        rule, out, firsts = RULE._replace(max_gap=0.5), np.zeros((count, 8)), np.zeros(count + 1)
         find_runs(points, count, beams, rule, firsts)
         assert fit_surfaces(points, count, sums, firsts, beams, rule, 0.05, out) == (not alone)
-        rule = rule._replace(keeps_alone=True)
+        rule = rule._replace(keep_isolated=True)
         assert fit_surfaces(points, count, sums, firsts, beams, rule, 0.0, out) == 1
         assert np.hypot(*out[0, 2:4]) == pytest.approx(0.0 if alone else 1.0)
         line = out.copy()
@@ -130,7 +130,7 @@ def test_a_hit_alone_between_far_beams_has_no_normal():
 def test_lines_half_a_cell_apart_make_the_field_that_every_hit_makes(monkeypatch):
     pools = []
     for lines in (0.5, 0.0):
-        monkeypatch.setattr("tsd.scan.LINES", lines)
+        monkeypatch.setattr("tsd.scan.LINE_SPACING_CELLS", lines)
         slam = default()
         for k in range(3):
             slam.update(scan_at((0.0, 0.0, 0.0), laser(1081), ROOM, t=0.1 * k))

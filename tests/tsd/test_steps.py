@@ -1,4 +1,4 @@
-"""The steps of `Tsd.update`, each where it is due, and corridors, where a scan sees too little."""
+"""The steps of `Tsd.update`, each where it is due, and corridors, where scans are degenerate."""
 
 import math
 from functools import partial
@@ -12,7 +12,7 @@ from slams.types import IDENTITY, Pose2
 from tests.rooms import CORRIDOR, NOTHING, box, calls, laser, scan_at, still
 from tests.rooms import settled as after
 from tests.tsd.cases import PILLARS, default
-from tsd.registration import UNSURE
+from tsd.registration import MAX_ICP_START_STD
 
 FAR = Pose2(1.0, 0.0, 0.0)
 
@@ -59,23 +59,23 @@ def registered(slam, shares, deviation, monkeypatch, start=None):
 @pytest.mark.parametrize(
     ("shares", "deviation", "times", "best"),
     [
-        ([1.0], 0.5 * UNSURE, 0, 1.0),  # as usual
-        ([1.0, 0.9], 1.5 * UNSURE, 1, 1.0),  # an unsure prediction
-        ([0.7, 0.99], 0.01, 1, 0.99),  # fits less than usual
-        ([0.1, 0.2], 0.01, 1, 0.2),  # hardly anything fits
+        ([1.0], 0.5 * MAX_ICP_START_STD, 0, 1.0),  # as the mean
+        ([1.0, 0.9], 1.5 * MAX_ICP_START_STD, 1, 1.0),  # an uncertain prediction
+        ([0.7, 0.99], 0.01, 1, 0.99),  # an inlier ratio below the mean
+        ([0.1, 0.2], 0.01, 1, 0.2),  # hardly any inliers
     ],
 )
-def test_ransac_is_tried_once_in_doubt(shares, deviation, times, best, monkeypatch):
+def test_ransac_is_tried_once_if_uncertain(shares, deviation, times, best, monkeypatch):
     slam = settled(5)
-    assert slam._registration._usual > 0.9
+    assert slam._registration._mean_inlier_ratio > 0.9
     assert registered(slam, shares, deviation, monkeypatch) == (times, best)
 
 
-def test_ransac_is_only_of_the_prediction(monkeypatch):
+def test_ransac_starts_only_from_the_prediction(monkeypatch):
     """The estimator's own search brings other starts."""
-    slam, usual = settled(5), settled(5)._registration._usual
+    slam, mean = settled(5), settled(5)._registration._mean_inlier_ratio
     assert registered(slam, [0.1], 1.0, monkeypatch, start=FAR) == (0, 0.1)
-    assert slam._registration._usual == usual  # nor is its share what is usual
+    assert slam._registration._mean_inlier_ratio == mean  # its ratio is not averaged either
 
 
 @pytest.mark.parametrize(("least", "posed"), [(0.8, True), (1.0, False)])
@@ -107,8 +107,8 @@ def test_pillars_of_a_corridor_are_enough_without_odometry(n_beams):
     assert found.x == pytest.approx(1.77, abs=0.2)
 
 
-def test_few_beams_in_a_bare_ring_are_held_by_wheels():
-    """Around a corner of a bare ring: what 45 beams say along a corridor is chance."""
+def test_wheels_keep_the_pose_of_few_beams_in_a_bare_ring():
+    """Around a corner of a bare ring: along a corridor 45 beams constrain nothing."""
     ring = np.array([*box(-13.0, -8.0, 13.0, 8.0), *box(-15.0, -10.0, 15.0, 10.0)])
     steps = [Pose2(0.08, 0.0, 0.0)] * 168 + [Pose2(0.08, 0.0, -0.08)] * 20
     slam, lidar, rng = default(), laser(45), np.random.default_rng(2)
@@ -136,8 +136,8 @@ def test_the_window_of_ransac_is_that_of_the_parameters(monkeypatch):
     slam, rules = settled(5), []
     monkeypatch.setattr("tsd.registration.try_pairs", lambda *args: rules.append(args[6]))
     assert slam._registration.ransac(slam._scan, FAR) == FAR
-    assert rules[0].distance == pytest.approx(0.6)
-    assert rules[0].least_cosine == pytest.approx(math.cos(0.6))
+    assert rules[0].max_distance == pytest.approx(0.6)
+    assert rules[0].min_cosine == pytest.approx(math.cos(0.6))
 
 
 def test_the_gate_of_a_noisy_laser_is_wider(monkeypatch):
@@ -146,7 +146,7 @@ def test_the_gate_of_a_noisy_laser_is_wider(monkeypatch):
     for noise in (0.01, 0.03):
         monkeypatch.setattr(type(slam._scan), "noise", noise)
         slam._registration.icp(slam._scan, IDENTITY, NOTHING)
-    assert [rule.narrowest for rule in rules] == pytest.approx([0.05, 0.09])
+    assert [rule.min_gate for rule in rules] == pytest.approx([0.05, 0.09])
 
 
 @pytest.mark.parametrize("fov", [1.5 * math.pi, 2.0 * math.pi * 720 / 721])
@@ -157,7 +157,7 @@ def test_the_rays_of_a_model_scan_fill_the_field_of_view(fov):
     assert fan.rays == 90 and fan.first + last == pytest.approx(0.0)
     full = fov > 1.6 * math.pi
     assert last - fan.first == pytest.approx(2.0 * math.pi * 89 / 90 if full else fov)
-    assert fan.around == (90 if full else 0)
+    assert fan.per_circle == (90 if full else 0)
     assert fan.reach == 30.0
     far = slam._registration._fan(laser(721, fov=fov, range_max=200.0))
     assert far.reach == slam.params.max_range > 30.0

@@ -12,18 +12,17 @@ from slams.jit import njit
 from slams.types import Floats
 from tsd.original.scan_kernels import Mask, Sensor
 
-SIDE = 32  # cells per partition edge, LAYOUT_32x32 of the original code
-
-BLOCK = 8  # cells per edge of the blocks that rays jump over
+PARTITION_SIDE = 32  # cells along the edge of a partition; LAYOUT_32x32 of the original code
+BLOCK_SIDE = 8  # cells along the edge of the blocks that rays jump over
 
 
 class Grid(NamedTuple):
     """Normalized distances `tsd` in [-1, 1] (nan unknown) and `weight`, both (ny, nx).
 
-    `allocated` and `emptiness` (ny / SIDE, nx / SIDE) belong to the partitions: whether cells were
-    ever written, and how often the whole partition was seen free before that. `near` (ny / BLOCK,
-    nx / BLOCK): where interpolation may give a distance below zero. `corner` (2,) [m]
-    is the outer corner of cell [0, 0], `truncation` in m.
+    For partitions of PARTITION_SIDE cells: `allocated`, whether cells were ever written, and
+    `emptiness`, how often the whole partition was observed as free before that. For blocks of
+    BLOCK_SIDE cells: `near`, whether interpolation may give a distance below zero.
+    `corner` (2,) [m] is the outer corner of cell [0, 0], `truncation` in m.
     """
 
     tsd: NDArray[np.float32]
@@ -38,7 +37,7 @@ class Grid(NamedTuple):
 
 @njit(inner=True)
 def beam_of(x: float, y: float, pose: Floats, sensor: Sensor, n_beams: int) -> int:
-    """Index of the beam that looks at a point; -1 beyond, -2 before. [May14] back-projection."""
+    """Index of the beam towards a point; -1 after the last, -2 before the first. [May14]."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = x - pose[0], y - pose[1]
     phi = math.atan2(c * dy - s * dx, c * dx + s * dy)
@@ -50,7 +49,7 @@ def beam_of(x: float, y: float, pose: Floats, sensor: Sensor, n_beams: int) -> i
 
 @njit(inner=True)
 def add_distance(grid: Grid, iy: int, ix: int, tsd: float, weight: float, cap: float) -> None:
-    """Running weighted mean of a cell. [May14] addTsd of the original code."""
+    """Running weighted mean of a cell [May14]; addTsd of the original code."""
     old = grid.weight[iy, ix]
     if grid.tsd[iy, ix] != grid.tsd[iy, ix]:
         grid.tsd[iy, ix] = tsd
@@ -59,19 +58,19 @@ def add_distance(grid: Grid, iy: int, ix: int, tsd: float, weight: float, cap: f
         grid.tsd[iy, ix] = (grid.tsd[iy, ix] * old + tsd * weight) / (old + weight)
         grid.weight[iy, ix] = min(old + weight, cap)
     if grid.tsd[iy, ix] <= 0.0:
-        low_y, low_x = max(iy - 1, 0) // BLOCK, max(ix - 1, 0) // BLOCK
-        grid.near[low_y, low_x] = grid.near[low_y, ix // BLOCK] = True
-        grid.near[iy // BLOCK, low_x] = grid.near[iy // BLOCK, ix // BLOCK] = True
+        low_y, low_x = max(iy - 1, 0) // BLOCK_SIDE, max(ix - 1, 0) // BLOCK_SIDE
+        grid.near[low_y, low_x] = grid.near[low_y, ix // BLOCK_SIDE] = True
+        grid.near[iy // BLOCK_SIDE, low_x] = grid.near[iy // BLOCK_SIDE, ix // BLOCK_SIDE] = True
 
 
 @njit(inner=True)
 def add_emptiness(grid: Grid, py: int, px: int, cap: float) -> None:
-    """A whole partition was seen free, which weighs as 100 measurements. Original code."""
+    """Update a partition that was observed as free, with the weight of 100 beams. Original code."""
     if not grid.allocated[py, px]:
         grid.emptiness[py, px] = min(grid.emptiness[py, px] + 1.0, cap)
         return
-    for iy in range(py * SIDE, (py + 1) * SIDE):
-        for ix in range(px * SIDE, (px + 1) * SIDE):
+    for iy in range(py * PARTITION_SIDE, (py + 1) * PARTITION_SIDE):
+        for ix in range(px * PARTITION_SIDE, (px + 1) * PARTITION_SIDE):
             if grid.tsd[iy, ix] != grid.tsd[iy, ix]:
                 grid.tsd[iy, ix] = 1.0
                 grid.weight[iy, ix] += 1.0
@@ -83,11 +82,11 @@ def add_emptiness(grid: Grid, py: int, px: int, cap: float) -> None:
 
 @njit(inner=True)
 def allocate(grid: Grid, py: int, px: int) -> None:
-    """Give a partition its cells: unknown, or free as often as it was seen empty. [May14]."""
+    """Allocate a partition: unknown cells, or free cells with its emptiness as weight. [May14]."""
     grid.allocated[py, px] = True
     if grid.emptiness[py, px] > 0.0:
-        for iy in range(py * SIDE, (py + 1) * SIDE):
-            for ix in range(px * SIDE, (px + 1) * SIDE):
+        for iy in range(py * PARTITION_SIDE, (py + 1) * PARTITION_SIDE):
+            for ix in range(px * PARTITION_SIDE, (px + 1) * PARTITION_SIDE):
                 grid.tsd[iy, ix] = 1.0
                 grid.weight[iy, ix] = grid.emptiness[py, px]
 
@@ -96,8 +95,8 @@ def allocate(grid: Grid, py: int, px: int) -> None:
 def partition_state(
     grid: Grid, py: int, px: int, pose: Floats, ranges: Floats, mask: Mask, sensor: Sensor
 ) -> int:
-    """0 not observed, 1 seen empty, 2 to be updated. [May14] early tests per partition."""
-    size = SIDE * grid.cell
+    """0 not observed, 1 observed as empty, 2 to be updated. [May14] early tests per partition."""
+    size = PARTITION_SIDE * grid.cell
     x0 = grid.corner[0] + px * size + 0.5 * grid.cell
     y0 = grid.corner[1] + py * size + 0.5 * grid.cell
     distance = math.hypot(x0 + 0.5 * size - pose[0], y0 + 0.5 * size - pose[1])
@@ -130,16 +129,16 @@ def partition_state(
 def push_partition(
     grid: Grid, py: int, px: int, pose: Floats, ranges: Floats, mask: Mask, sensor: Sensor
 ) -> None:
-    """Every cell of a partition takes the difference of range and distance. [May14] push."""
-    size = SIDE * grid.cell
+    """Add range minus distance to every cell of a partition. [May14] push."""
+    size = PARTITION_SIDE * grid.cell
     x0, y0 = grid.corner[0] + px * size, grid.corner[1] + py * size
     half = 0.5 * (size + grid.cell)
     distance = math.hypot(x0 + half - pose[0], y0 + half - pose[1])
     share = 1.0 - min(distance, sensor.range_max) / sensor.range_max
     weight = sensor.weight_unit * share * share
-    for j in range(SIDE):
+    for j in range(PARTITION_SIDE):
         y = y0 + (j + 0.5) * grid.cell
-        for i in range(SIDE):
+        for i in range(PARTITION_SIDE):
             x = x0 + (i + 0.5) * grid.cell
             b = beam_of(x, y, pose, sensor, ranges.shape[0])
             if b < 0 or not mask[b]:
@@ -153,12 +152,13 @@ def push_partition(
                 sd = grid.truncation
             if sd >= -grid.truncation:
                 tsd = min(sd / grid.truncation, 1.0)
-                add_distance(grid, py * SIDE + j, px * SIDE + i, tsd, weight, sensor.max_weight)
+                iy, ix = py * PARTITION_SIDE + j, px * PARTITION_SIDE + i
+                add_distance(grid, iy, ix, tsd, weight, sensor.max_weight)
 
 
 @njit
 def push(grid: Grid, pose: Floats, ranges: Floats, mask: Mask, sensor: Sensor) -> int:
-    """Enter a scan taken at pose (3,) of the laser; returns the partitions updated. [May14]."""
+    """Push a scan taken at pose (3,) of the laser; returns the partitions updated. [May14]."""
     updated = 0
     for py in range(grid.allocated.shape[0]):
         for px in range(grid.allocated.shape[1]):
@@ -175,7 +175,7 @@ def push(grid: Grid, pose: Floats, ranges: Floats, mask: Mask, sensor: Sensor) -
 
 @njit
 def clear_box(grid: Grid, x0: float, y0: float, x1: float, y1: float) -> None:
-    """Mark the robot's own place as free, without weight. Original code: freeFootprint."""
+    """Mark the robot's footprint as free, without weight. Original code: freeFootprint."""
     for iy in range(
         round((y0 - grid.corner[1]) / grid.cell), round((y1 - grid.corner[1]) / grid.cell)
     ):
@@ -183,8 +183,8 @@ def clear_box(grid: Grid, x0: float, y0: float, x1: float, y1: float) -> None:
             round((x0 - grid.corner[0]) / grid.cell), round((x1 - grid.corner[0]) / grid.cell)
         ):
             if 0 <= iy < grid.tsd.shape[0] and 0 <= ix < grid.tsd.shape[1]:
-                if not grid.allocated[iy // SIDE, ix // SIDE]:
-                    allocate(grid, iy // SIDE, ix // SIDE)
+                if not grid.allocated[iy // PARTITION_SIDE, ix // PARTITION_SIDE]:
+                    allocate(grid, iy // PARTITION_SIDE, ix // PARTITION_SIDE)
                 grid.tsd[iy, ix] = 1.0
 
 
@@ -206,8 +206,8 @@ def interpolate(grid: Grid, x: float, y: float) -> float:
 @njit(inner=True)
 def has_cells(grid: Grid, x: float, y: float) -> bool:
     """Whether the partition around a point is allocated. Original code: EMPTYPARTITION."""
-    px = math.floor((x - grid.corner[0]) / (grid.cell * SIDE))
-    py = math.floor((y - grid.corner[1]) / (grid.cell * SIDE))
+    px = math.floor((x - grid.corner[0]) / (grid.cell * PARTITION_SIDE))
+    py = math.floor((y - grid.corner[1]) / (grid.cell * PARTITION_SIDE))
     inside = 0 <= px < grid.allocated.shape[1] and 0 <= py < grid.allocated.shape[0]
     return inside and bool(grid.allocated[py, px])
 
@@ -216,7 +216,7 @@ def has_cells(grid: Grid, x: float, y: float) -> bool:
 def ray_length(
     grid: Grid, pose: Floats, dx: float, dy: float, sensor: Sensor
 ) -> tuple[float, float]:
-    """Where a ray enters and leaves the grid, in cells, within the sensor's limits. [May14]."""
+    """Distances in cells at which a ray enters and leaves the grid, within the range. [May14]."""
     near, far = sensor.range_min / grid.cell, sensor.range_max / grid.cell
     for axis in range(2):
         d = dx if axis == 0 else dy
@@ -230,30 +230,30 @@ def ray_length(
 
 @njit(inner=True)
 def steps_to_skip(grid: Grid, pose: Floats, k: float, dx: float, dy: float) -> float:
-    """Steps of a ray, from step k on, that stay in a block without a surface; 0 near one.
+    """Number of steps of a ray from step k on in a block without a surface; 0 near a surface.
 
-    ours: nothing changes sign there.
+    ours: the distance has no zero there.
     """
     u = (pose[0] - grid.corner[0]) / grid.cell - 0.5 + k * dx
     v = (pose[1] - grid.corner[1]) / grid.cell - 0.5 + k * dy
-    bx, by = math.floor(u / BLOCK), math.floor(v / BLOCK)
+    bx, by = math.floor(u / BLOCK_SIDE), math.floor(v / BLOCK_SIDE)
     if bx < 0 or by < 0 or bx >= grid.near.shape[1] or by >= grid.near.shape[0]:
         return 0.0
     if grid.near[by, bx]:
         return 0.0
-    to_x = (bx + (dx > 0.0)) * BLOCK - u
-    to_y = (by + (dy > 0.0)) * BLOCK - v
+    to_x = (bx + (dx > 0.0)) * BLOCK_SIDE - u
+    to_y = (by + (dy > 0.0)) * BLOCK_SIDE - v
     steps = min(to_x / dx if dx != 0.0 else 1e9, to_y / dy if dy != 0.0 else 1e9)
     return max(math.floor(steps - 1e-6) + 1.0, 1.0)
 
 
 @njit(inner=True)
 def cast_ray(grid: Grid, pose: Floats, dx: float, dy: float, sensor: Sensor) -> float:
-    """Distance [m] to the first zero crossing from + to -, nan when there is none. [May14]."""
+    """Distance [m] to the first zero crossing from + to -, nan if there is none. [May14]."""
     k, far = ray_length(grid, pose, dx, dy, sensor)
     step = grid.cell
     while k < far and not has_cells(grid, pose[0] + k * step * dx, pose[1] + k * step * dy):
-        k += SIDE
+        k += PARTITION_SIDE
     before = interpolate(grid, pose[0] + k * step * dx, pose[1] + k * step * dy)
     k += 1.0
     while k <= far + 1.0:
@@ -276,10 +276,10 @@ def cast_ray(grid: Grid, pose: Floats, dx: float, dy: float, sensor: Sensor) -> 
 
 @njit
 def cast_rays(grid: Grid, pose: Floats, sensor: Sensor, out_points: Floats, out_mask: Mask) -> int:
-    """The model scan: what the sensor would see of the grid. [May14] ray cast.
+    """Model scan: the scan that the sensor would measure in the grid. [May14] ray cast.
 
-    out_points (n, 2) [m] in the laser frame, in beam order; a point next to unknown cells, where
-    the normal cannot be computed, is not valid. Returns how many are.
+    out_points (n, 2) [m] in the laser frame, in beam order; out_mask (n,), false for a point next
+    to unknown cells, where no normal can be computed. Returns the number of valid points.
     """
     count = 0
     for i in range(out_mask.shape[0]):

@@ -1,4 +1,4 @@
-"""What the published registration sums: closed form of the ICP, and the scores of RANSAC."""
+"""Kernels of the published registration: closed form of ICP, hypotheses and scores of RANSAC."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import NamedTuple
 from slams.jit import njit
 from slams.types import Floats, Pose2
 from tsd.original.map_kernels import Grid, interpolate
-from tsd.original.scan_kernels import HALF, Ints, Mask
+from tsd.original.scan_kernels import NORMAL_HALF_WINDOW, Ints, Mask
 
 
 @njit
 def closed_form(model: Floats, scene: Floats) -> tuple[float, float, float]:
-    """Rigid motion (x, y, theta) of least squared distance of pairs (n, 2). Original code."""
+    """Least squares rigid motion (x, y, theta) of scene to model (n, 2). Original code."""
     n = model.shape[0]
     mx, my, sx, sy = 0.0, 0.0, 0.0, 0.0
     for k in range(n):
@@ -51,9 +51,9 @@ def score_pdf(
     z_random: float,
     best: float,
 ) -> float:
-    """Sum over the control points of log(1 - (1 - zrand) |tsd|), unknown = log zrand.
+    """Product over the control points of 1 - (1 - zrand) |tsd|; zrand in unknown cells.
 
-    Original code: TSD_PDFMatching. ours: stops when it can no longer win.
+    Original code: TSD_PDFMatching. ours: stops when it can no longer exceed `best`.
     """
     c, s = math.cos(motion[2]), math.sin(motion[2])
     cp, sp = math.cos(pose[2]), math.sin(pose[2])
@@ -77,30 +77,33 @@ def make_hypothesis(
     phi_max: float,
     out_motion: Floats,
 ) -> bool:
-    """The motion (x, y, theta) that lays a scene point with its normal on a model point.
+    """Motion (x, y, theta) that aligns a scene point and its normal with a model point.
 
     Original code: one pair of oriented points is a full hypothesis.
     """
-    turn = phi_model - phi_scene
-    turn -= 2.0 * math.pi * math.ceil((turn - math.pi) / (2.0 * math.pi))
-    if not abs(turn) < phi_max:
+    rotation = phi_model - phi_scene
+    rotation -= 2.0 * math.pi * math.ceil((rotation - math.pi) / (2.0 * math.pi))
+    if not abs(rotation) < phi_max:
         return False
-    c, s = math.cos(turn), math.sin(turn)
+    c, s = math.cos(rotation), math.sin(rotation)
     out_motion[0] = model[0] - (c * scene[0] - s * scene[1])
     out_motion[1] = model[1] - (s * scene[0] + c * scene[1])
-    out_motion[2] = turn
+    out_motion[2] = rotation
     return True
 
 
 @njit(inner=True)
-def keep(motion: Floats, out_motion: Floats) -> None:
-    """Copy (x, y, theta). ours: compiling a slice assignment takes seconds."""
+def copy_motion(motion: Floats, out_motion: Floats) -> None:
+    """Copy (x, y, theta). ours: a slice assignment takes seconds to compile."""
     for i in range(3):
         out_motion[i] = motion[i]
 
 
 class Scans(NamedTuple):
-    """Both scans in beam order: points (n, 2), normals' directions (n,), scene points kept."""
+    """Points (n, 2) [m] and directions of normals (n,) [rad] of model and scene, in beam order.
+
+    Pairs are of `kept` scene and `trials` model points, at most `span` beams, `phi_max` rad apart.
+    """
 
     model: Floats
     model_phi: Floats
@@ -116,11 +119,11 @@ class Scans(NamedTuple):
 def ransac_tsd(
     grid: Grid, scans: Scans, control: Floats, pose: Floats, z_random: float, out_motion: Floats
 ) -> float:
-    """Best of all hypotheses by the field's own score; mode "tsd". Original code."""
+    """Best hypothesis by the score in the field, mode "tsd"; returns its score. Original code."""
     motion = out_motion.copy()
-    best = 0.0
+    first, end, best = NORMAL_HALF_WINDOW, scans.kept.shape[0] - NORMAL_HALF_WINDOW, 0.0
     for m in scans.trials:
-        for i in range(max(m - scans.span, HALF), min(m + scans.span, scans.kept.shape[0] - HALF)):
+        for i in range(max(m - scans.span, first), min(m + scans.span, end)):
             if scans.kept[i] and make_hypothesis(
                 scans.model[m],
                 scans.model_phi[m],
@@ -132,5 +135,5 @@ def ransac_tsd(
                 score = score_pdf(grid, control, len(control), motion, pose, z_random, best)
                 if score > best:
                     best = score
-                    keep(motion, out_motion)
+                    copy_motion(motion, out_motion)
     return best

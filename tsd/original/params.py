@@ -7,21 +7,21 @@ from typing import ClassVar
 
 from slams.grid_bounds import max_cells
 from slams.params import Params, RosNames, param
-from tsd.ros import ORIGINAL as ROS_NAMES
+from tsd.ros import ORIGINAL_ROS_NAMES
 
 ORIGINAL = "original code"
 
 
 @dataclass(frozen=True)
 class OriginalParams(Params):
-    """ohm_tsd_slam's own parameters; values of the launch file of [Koch15]."""
+    """Parameters of ohm_tsd_slam with the values of the launch file of [Koch15]."""
 
-    ROS: ClassVar[RosNames | None] = ROS_NAMES
+    ROS: ClassVar[RosNames | None] = ORIGINAL_ROS_NAMES
 
     registration: str = param(
         "tsd",
         "1",
-        "icp: ICP alone; tsd: RANSAC before it, scored by the field",
+        "icp: ICP alone; tsd: first RANSAC, scored by the field",
         source="original code, modes 0 and 3",
         choices=("icp", "tsd"),
         ros=("registration_mode",),
@@ -32,18 +32,18 @@ class OriginalParams(Params):
     truncation: float = param(
         0.075,
         "m",
-        "greatest distance kept in a cell",
+        "largest distance kept in a cell",
         source="original code: 3 cells",
         low=0.004,
         high=5.0,
         ros=("truncation_radius",),
     )
-    max_weight: float = param(32.0, "1", "cap of a cell's weight", source=ORIGINAL, low=1.0)
+    max_weight: float = param(32.0, "1", "largest weight of a cell", source=ORIGINAL, low=1.0)
     push_translation: float = param(
         0.05, "m", "push again after this distance", source=ORIGINAL, low=0.0
     )
     push_rotation: float = param(
-        0.03, "rad", "push again after this turn", source=ORIGINAL, low=0.0
+        0.03, "rad", "push again after this rotation", source=ORIGINAL, low=0.0
     )
     map_size: int = param(
         10,
@@ -56,11 +56,9 @@ class OriginalParams(Params):
     )
     max_cells: int = max_cells(1 << 27)
     grows: bool = param(
-        True, "1", "whether the grid may grow at its edge", source="ours: the program ends there"
+        True, "1", "whether the grid may grow", source="ours: the program ends at the edge"
     )
-    weight_unit: float = param(
-        0.01, "1", "weight of a measured cell", source="original code", low=1e-6
-    )
+    weight_unit: float = param(0.01, "1", "weight of a measured cell", source=ORIGINAL, low=1e-6)
     shortest: float = param(
         0.0,
         "m",
@@ -75,7 +73,7 @@ class OriginalParams(Params):
     low_reflectivity: float = param(
         2.0,
         "m",
-        "radius that a beam without return frees",
+        "radius that a beam without return marks as free",
         source=ORIGINAL,
         low=0.0,
         ros=("low_reflectivity_range",),
@@ -83,7 +81,7 @@ class OriginalParams(Params):
     jump_angle: float = param(
         0.05235987755982989,
         "rad",
-        "chord angle that drops the far side of a range jump",
+        "chord angle of a range jump; below it the far side is dropped",
         source=ORIGINAL,
         low=0.0,
         high=1.5,
@@ -91,35 +89,35 @@ class OriginalParams(Params):
     footprint: float = param(
         1.0,
         "m",
-        "edge of the square freed around the start",
+        "edge of the square marked as free around the start",
         source=ORIGINAL,
         low=0.0,
         ros=("footprint_width",),
     )
     footprint_offset: float = param(
-        0.28, "m", "its center ahead of the laser", source=ORIGINAL, ros=("footprint_x_offset",)
+        0.28, "m", "its offset ahead of the laser", source=ORIGINAL, ros=("footprint_x_offset",)
     )
     icp_iterations: int = param(
-        30, "1", "ICP rounds", source=ORIGINAL, low=1, high=1_000, ros=("icp_iterations",)
+        30, "1", "ICP iterations", source=ORIGINAL, low=1, high=1_000, ros=("icp_iterations",)
     )
     widest_gate: float = param(
         0.4,
         "m",
-        "greatest pair distance at first",
+        "initial distance gate of pairs",
         source=ORIGINAL,
         low=1e-3,
         ros=("dist_filter_max",),
     )
     narrowest_gate: float = param(
-        0.02, "m", "least gate", source=ORIGINAL, low=1e-4, ros=("dist_filter_min",)
+        0.02, "m", "minimum gate of pairs", source=ORIGINAL, low=1e-4, ros=("dist_filter_min",)
     )
     max_translation: float = param(
-        1.0, "m", "longer steps are refused", source=ORIGINAL, low=0.0, ros=("reg_trs_max",)
+        1.0, "m", "longer steps are rejected", source=ORIGINAL, low=0.0, ros=("reg_trs_max",)
     )
     max_rotation: float = param(
         0.5235987755982988,
         "rad",
-        "larger turns are refused",
+        "larger rotations are rejected",
         source=ORIGINAL,
         low=0.0,
         high=1.57,
@@ -131,19 +129,19 @@ class OriginalParams(Params):
     control_set: int = param(
         360,
         "1",
-        "most scene points that score",
+        "largest number of scene points in the score",
         source=ORIGINAL,
         low=1,
         high=10_000,
         ros=("sizeControlSet",),
     )
     scene_points: int = param(
-        180, "1", "scene points kept on average", source=ORIGINAL, low=3, high=10_000
+        180, "1", "mean number of scene points kept", source=ORIGINAL, low=3, high=10_000
     )
     phi_max: float = param(
         0.7853981633974483,
         "rad",
-        "largest turn of a hypothesis",
+        "largest rotation of a hypothesis",
         source=ORIGINAL,
         low=0.0,
         high=1.58,
@@ -152,7 +150,7 @@ class OriginalParams(Params):
     z_random: float = param(
         0.05,
         "1",
-        "weight of chance, mode tsd",
+        "probability of a random measurement, mode tsd",
         source=ORIGINAL,
         low=1e-6,
         high=1.0,

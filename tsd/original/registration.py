@@ -1,4 +1,4 @@
-"""Registration to the ray cast of the grid: RANSAC pre-registration, then ICP."""
+"""Registration to a model scan cast from the grid: RANSAC pre-registration, then ICP."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from tsd.original.params import OriginalParams
 from tsd.original.scan import View
 from tsd.original.scan_kernels import Ints, oriented_normals
 
-ALL = 0.99  # a share of points from which on all are kept
+KEEP_ALL_RATIO = 0.99  # of points to keep; from there on all points are kept
 
 
 class Registration:
-    """Registers what a view sees; `params.registration` names the mode.
+    """Registers the scan of a view; `params.registration` is the mode.
 
     Args:
         params: parameters.
         rng: source of every random draw.
-        view: the scan at hand, looked at anew at every registration.
+        view: buffers of the present scan, read at every registration.
     """
 
     def __init__(self, params: OriginalParams, rng: np.random.Generator, view: View) -> None:
@@ -33,20 +33,20 @@ class Registration:
         self._scene_phi, self._model_phi = np.zeros(n), np.zeros(n)
 
     def register(self, grid: Grid, pose: Floats) -> Pose2 | None:
-        """The step from `pose` (3,) of the laser, where the model scan is cast; None if refused."""
+        """Motion since `pose` (3,) of the laser, where the model scan is cast; None if rejected."""
         view, model, mask = self._view, self._model, self._model_mask
         if cast_rays(grid, pose, view.sensor, model, mask) == 0:
             return None
         start = Pose2(*self._pre_register(grid, pose).tolist())
         step, p = self._icp(model[mask], view.scene[view.valid], start), self._params
-        turn = abs(math.sin(step.theta))
-        plausible = math.hypot(step.x, step.y) <= p.max_translation
-        return step if plausible and turn <= math.sin(p.max_rotation) else None
+        rotation = abs(math.sin(step.theta))
+        valid = math.hypot(step.x, step.y) <= p.max_translation
+        return step if valid and rotation <= math.sin(p.max_rotation) else None
 
     def _icp(self, model: Floats, scene: Floats, motion: Pose2) -> Pose2:
-        """Fixed number of rounds of pairing and closed form of points (n, 2), from a start.
+        """Motion of the scene (n, 2) onto the model (m, 2) by ICP from a start.
 
-        Original code: the gate shrinks by a ratio meant for distances but applied to squares.
+        Original code: the gate shrinks by a ratio for distances, which is applied to their squares.
         """
         p, tree = self._params, KDTree(model)
         gate2, floor = p.widest_gate**2, p.narrowest_gate**2
@@ -63,7 +63,7 @@ class Registration:
         return motion
 
     def _pre_register(self, grid: Grid, pose: Floats) -> Floats:
-        """Start of the ICP: the best random hypothesis, or no motion."""
+        """Start of the ICP: the best hypothesis of RANSAC, or no motion."""
         motion, p = np.zeros(3), self._params
         if p.registration == "icp":
             return motion
@@ -73,12 +73,12 @@ class Registration:
         return motion
 
     def _draw(self) -> tuple[Scans, Floats]:
-        """Random subsets: scene points kept, model points tried, control points that score."""
+        """Random subsets: scene points to keep, model points to try, control points to score."""
         p, rng, view = self._params, self._rng, self._view
         oriented_normals(self._model, self._model_mask, self._model_phi)
         oriented_normals(view.scene, view.valid, self._scene_phi)
         share = p.scene_points / max(int(view.valid.sum()), 1)
-        drawn = rng.random(len(view.mask)) < share if share < ALL else True
+        drawn = rng.random(len(view.mask)) < share if share < KEEP_ALL_RATIO else True
         kept = view.valid & drawn & np.isfinite(self._scene_phi)
         model = np.flatnonzero(np.isfinite(self._model_phi))
         trials = rng.permutation(model)[: p.trials]
@@ -92,12 +92,12 @@ class Registration:
 
 
 def reciprocal_pairs(tree: KDTree, scene: Floats, gate: float) -> tuple[Ints, Ints]:
-    """Indices of model points, and for each the closest scene point that has it as nearest.
+    """Indices of paired model points, and of the scene point of each.
 
-    Original code: nearest neighbor, distance gate [m] and "reciprocal" filter.
+    Original code: nearest neighbor within the gate [m]; "reciprocal": one pair per model point.
     """
     found = tree.query(scene, distance_upper_bound=gate)
-    distance, nearest = (np.asarray(of_each) for of_each in found)
+    distance, nearest = (np.asarray(values) for values in found)
     closest_first = np.argsort(distance, kind="stable")[: np.isfinite(distance).sum()]
     paired, first = np.unique(nearest[closest_first], return_index=True)
     return paired, closest_first[first]

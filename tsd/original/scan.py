@@ -1,4 +1,4 @@
-"""View: the scan at hand, as the program prepares it."""
+"""View: the present scan, prepared as in the program."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from slams.types import Laser, Scan
 from tsd.original.params import OriginalParams
 from tsd.original.scan_kernels import Sensor, mask_scan
 
-NO_STEP = 1e-6  # between the beams of a laser that has one [rad]
-LEAST_RANGE = 0.001  # m
+ONE_BEAM_INCREMENT = 1e-6  # rad, angle increment of a laser with a single beam
+MIN_SENSOR_RANGE = 0.001  # m, original code
 
 
 class View:
-    """Buffers for the scans of one laser; clockwise ones are turned around.
+    """Buffers for the scans of one laser; clockwise scans are reversed.
 
-    `ranges` (n,) [m] and `mask` (n,) as the program has them, `valid` (n,) where there is a point;
-    `scene` (n, 2) [m] the points in the laser's frame, 0 where there is none.
+    `ranges` (n,) [m] and `mask` (n,) of `mask_scan`; `valid` (n,), whether a beam has a point;
+    `scene` (n, 2) [m], the points in the laser's frame, 0 where not valid.
     """
 
     def __init__(self, params: OriginalParams, laser: Laser) -> None:
@@ -24,8 +24,8 @@ class View:
         self.laser = laser
         self.sensor = Sensor(
             float(angles[0]),
-            abs(laser.angle_increment) or NO_STEP,
-            LEAST_RANGE,
+            abs(laser.angle_increment) or ONE_BEAM_INCREMENT,
+            MIN_SENSOR_RANGE,
             params.longest,
             params.low_reflectivity,
             params.max_weight,
@@ -37,11 +37,11 @@ class View:
         self._params = params
         self._directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
-    def look(self, scan: Scan) -> int:
-        """Mask the scan and place its points; returns how many there are."""
+    def read(self, scan: Scan) -> int:
+        """Mask the scan and compute its points; returns their number."""
         p = self._params
         mask_scan(scan.ranges, self.sensor, p.shortest, p.jump_angle, self.ranges, self.mask)
-        if self.laser.angle_increment < 0.0:  # turned around like its angles
+        if self.laser.angle_increment < 0.0:  # reversed like the angles
             self.ranges[:], self.mask[:] = self.ranges[::-1].copy(), self.mask[::-1].copy()
         self.valid = self.mask & np.isfinite(self.ranges)
         self.scene[:] = np.where(self.valid, self.ranges, 0.0)[:, None] * self._directions

@@ -1,4 +1,4 @@
-"""The scan as the original prepares it: masked, without gaps, with normals."""
+"""Preparation of a scan in the original code: mask and normals."""
 
 from __future__ import annotations
 
@@ -12,14 +12,12 @@ from slams.jit import njit
 from slams.types import Floats, Ranges
 
 Mask = NDArray[np.bool_]
-
 Ints = NDArray[np.int64]
-
-HALF = 5  # beams each side of the window for normals, original code
+NORMAL_HALF_WINDOW = 5  # beams on each side in the window of a normal, original code
 
 
 class Sensor(NamedTuple):
-    """The scanner as the original sees it: angles [rad], limits [m], greatest weight of a cell."""
+    """Laser and weights: angles [rad], limits [m], largest weight of a cell, unit of a weight."""
 
     angle_min: float
     angle_increment: float
@@ -34,10 +32,11 @@ class Sensor(NamedTuple):
 def mask_scan(
     ranges: Ranges, sensor: Sensor, shortest: float, jump: float, out_ranges: Floats, out_mask: Mask
 ) -> None:
-    """Ranges and validity as the original prepares them. Original code: sensor mask.
+    """Ranges (n,) [m] and mask (n,) of a scan. Original code: sensor mask.
 
-    Too short is masked; too long is free space (inf) and stays valid; nan is masked and becomes
-    inf; the far side of a range jump (chord seen under less than `jump` rad) is masked.
+    Ranges below `shortest` [m] are masked. Too long ranges become inf (free space) and stay valid;
+    nan becomes inf and is masked. The far side of a range jump is masked if the chord meets the
+    beam at less than `jump` [rad].
     """
     n = ranges.shape[0]
     for i in range(n):
@@ -61,31 +60,31 @@ def mask_scan(
 
 @njit
 def oriented_normals(points: Floats, mask: Mask, out_phi: Floats) -> None:
-    """Direction of the normal [rad] at every beam, nan where the surface is no line.
+    """Direction of the normal [rad] at every beam (n,), nan where the surface is no line.
 
-    Original code: PCA over 10 samples; a line is 2 times as long as wide.
+    Original code: PCA over 10 samples; a line is at least 2 times as long as wide.
     """
     n = mask.shape[0]
     out_phi[:] = math.nan
-    for i in range(HALF, n - HALF):
+    for i in range(NORMAL_HALF_WINDOW, n - NORMAL_HALF_WINDOW):
         if not mask[i]:
             continue
         count, mx, my = 0, 0.0, 0.0
-        for j in range(i - HALF, i + HALF):
+        for j in range(i - NORMAL_HALF_WINDOW, i + NORMAL_HALF_WINDOW):
             if mask[j]:
                 count, mx, my = count + 1, mx + points[j, 0], my + points[j, 1]
         if count < 4:
             continue
         mx, my = mx / count, my / count
         xx, xy, yy = 0.0, 0.0, 0.0
-        for j in range(i - HALF, i + HALF):
+        for j in range(i - NORMAL_HALF_WINDOW, i + NORMAL_HALF_WINDOW):
             if mask[j]:
                 dx, dy = points[j, 0] - mx, points[j, 1] - my
                 xx, xy, yy = xx + dx * dx, xy + dx * dy, yy + dy * dy
         along = 0.5 * math.atan2(2.0 * xy, xx - yy)
         c, s = math.cos(along), math.sin(along)
         a0, a1, b0, b1 = math.inf, -math.inf, math.inf, -math.inf
-        for j in range(i - HALF, i + HALF):
+        for j in range(i - NORMAL_HALF_WINDOW, i + NORMAL_HALF_WINDOW):
             if mask[j]:
                 a = c * points[j, 0] + s * points[j, 1]
                 b = c * points[j, 1] - s * points[j, 0]

@@ -7,10 +7,10 @@ Mapping, VMV 2014.
 J. Martin, A. Nuechter: Multi-Robot Localization and Mapping Based on Signed Distance Functions,
 ICARSC 2015.
 
-1. See: mask the scan, place its points. No odometry, no time in a scan.
-2. Register, from the last pose: ray cast of a model scan, RANSAC pre-registration, ICP.
-3. Refuse a step that is too long: the last pose stands and nothing is pushed.
-4. Push the scan into the grid when the robot has moved.
+1. Mask the scan and compute its points. Odometry and the times of single beams are not used.
+2. Register the scan from the last pose: ray cast of a model scan, RANSAC pre-registration, ICP.
+3. Reject a step that is too long: the last pose is kept and nothing is pushed.
+4. Push the scan into the grid if the robot has moved.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ class Original:
         self._counts = dict.fromkeys(("pushed", "rejected", "recovered", "empty"), 0)
 
     def update(self, scan: Scan) -> Pose2:
-        """Take the next scan; return the base's pose in the map."""
-        view, registration = self._seen_by(scan)
-        if view.look(scan) == 0:  # 1
+        """Match the next scan; return T_map_base."""
+        view, registration = self._buffers_for(scan)
+        if view.read(scan) == 0:  # 1
             self._counts["empty"] += 1
         elif self._counts["pushed"] == 0:
             self._push(view)
@@ -57,15 +57,15 @@ class Original:
         return self._pose
 
     def map(self) -> OccupancyGrid:
-        """The map as it stands now."""
+        """The present map."""
         return self._grid.occupancy()
 
     def report(self) -> dict[str, Any]:
-        """Counts of what happened so far."""
+        """Counts of scans."""
         return {**self._counts, "lost": self._lost, "odometry": 0, **self._grid.extent.counts}
 
-    def _seen_by(self, scan: Scan) -> tuple[View, Registration]:
-        """Memory for the scan's laser."""
+    def _buffers_for(self, scan: Scan) -> tuple[View, Registration]:
+        """Buffers for the scan's laser."""
         if self._view is None or self._registration is None or self._view.laser != scan.laser:
             self._view = View(self.params, scan.laser)
             self._registration = Registration(self.params, self._rng, self._view)
@@ -95,7 +95,7 @@ class Original:
             p, half = self.params, 0.5 * self.params.footprint
             self._grid.clear(float(laser[0]) + p.footprint_offset, float(laser[1]), half)
         else:
-            mask = mask | np.isinf(view.ranges)  # nan counts as free space from now on
+            mask = mask | np.isinf(view.ranges)  # after the first scan nan counts as free space
         self._grid.push(laser, view.ranges, mask, view.sensor)
         self._counts["pushed"] += 1
         self._pushed_at = self._pose
