@@ -10,7 +10,7 @@ System with Full 3D Motion Estimation. IEEE SSRR 2011. Per scan:
 5. Take the match; ours: choose among these matches, those of a search, and the prediction.
 6. If the robot has moved, insert the scan into every level (sec. IV-A).
 
-What is ours in the steps 1, 4 and 5 is in `slams.frontend` and `slams.refine`; `hector@paper` leaves
+What is ours in steps 1, 4 and 5 is in `slams.frontend` and `slams.refine`; `hector@paper` leaves
 it out. The published program, `hector@original`, is in `hector/original`.
 """
 
