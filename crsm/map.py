@@ -1,4 +1,4 @@
-"""GreyMap: the map of CRSM SLAM, grids of grey levels and the lines in the fine cells."""
+"""GrayMap: the map of CRSM SLAM, grids of gray levels and the lines in the fine cells."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from slams.scan.end_points import EndPoints
 from slams.types import OccupancyGrid, Pose2
 
 COARSE_FACTOR = 4  # fine cells along the edge of a coarse cell: 0.2 m, to climb from afar
-UNKNOWN_WEIGHT = 2.0  # passing beams; weight of the grey level 0 that a cell has at first
+UNKNOWN_WEIGHT = 2.0  # passing beams; weight of the gray level 0 that a cell has at first
 
 
-class GreyMap:
-    """A fine and a coarse grid of grey levels, each updated by every keyframe.
+class GrayMap:
+    """A fine and a coarse grid of gray levels, each updated by every keyframe.
 
     `levels` are the fine and the coarse grid. Both grow together.
     """
@@ -34,7 +34,7 @@ class GreyMap:
         self._storage = GridStorage(params.max_cells, params.cell, COARSE_FACTOR)
         self.levels = [self._new_grid(1), self._new_grid(COARSE_FACTOR)]
         self._segments = np.zeros((1, 5))
-        self.lines = LineMap(params, *self._line_grid(), match_kernels.FREE_GREY)
+        self.lines = LineMap(params, *self._line_grid(), match_kernels.FREE_GRAY)
 
     def insert(self, scan: EndPoints, pose: Pose2) -> bool:
         """Update both grids and the lines of the fine one with a scan taken at `pose`.
@@ -73,9 +73,9 @@ class GreyMap:
         return inliers, conflicts
 
     def likelihood_field(self) -> LikelihoodField:
-        """Grey levels of the coarse grid: its walls are wider, its search is faster."""
+        """Gray levels of the coarse grid: its walls are wider, its search is faster."""
         grid = self.levels[1]
-        return LikelihoodField(grid.grey, grid.x0, grid.y0, grid.resolution)
+        return LikelihoodField(grid.gray, grid.x0, grid.y0, grid.resolution)
 
     def grid(self) -> OccupancyGrid:
         """Probabilities of the fine grid, cut to the observed cells."""
@@ -84,7 +84,7 @@ class GreyMap:
     def snapshot(self) -> Callable[[], OccupancyGrid]:
         """A function that returns the `grid` of now, also after later updates of the map."""
         fine, window = self.levels[0], self._storage.window(self.bounds.covered)
-        cells = fine.grey[window].copy(), fine.weight[window] > 0.0
+        cells = fine.gray[window].copy(), fine.weight[window] > 0.0
         unknown = np.full((1, 1), np.nan, np.float32)
         nothing = OccupancyGrid(unknown, self.params.cell, (0.0, 0.0))
         return lambda: _occupancy(*cells, window, fine) or nothing
@@ -92,7 +92,7 @@ class GreyMap:
     def crop(self, box: Box) -> OccupancyGrid | None:
         """Probabilities of the fine grid in a box, cut to the observed cells; None without any."""
         fine, window = self.levels[0], self._storage.window(box)
-        return _occupancy(fine.grey[window], fine.weight[window] > 0.0, window, fine)
+        return _occupancy(fine.gray[window], fine.weight[window] > 0.0, window, fine)
 
     def _new_grid(self, factor: int) -> Grid:
         """A grid without observations, of cells with so many fine cells along an edge."""
@@ -104,9 +104,9 @@ class GreyMap:
         return Grid(*arrays, x + half, y + half, factor * cell)
 
     def _line_grid(self) -> tuple[NDArray[np.float32], tuple[float, float], float]:
-        """The fine grid for `LineMap`: grey levels, center of cell [0, 0] [m], cell [m]."""
+        """The fine grid for `LineMap`: gray levels, center of cell [0, 0] [m], cell [m]."""
         grid = self.levels[0]
-        return grid.grey, (grid.x0, grid.y0), grid.resolution
+        return grid.gray, (grid.x0, grid.y0), grid.resolution
 
     def _cover(self, pose: Pose2, radius: float) -> bool:
         """Make the map cover `radius` [m] around the pose; False if it may not grow so far."""
@@ -123,19 +123,19 @@ class GreyMap:
         old = self.levels
         self.levels = [self._new_grid(1), self._new_grid(COARSE_FACTOR)]
         for new, grid, factor in zip(self.levels, old, (1, COARSE_FACTOR), strict=True):
-            move(grid.grey, new.grey, below // factor, left // factor)
+            move(grid.gray, new.gray, below // factor, left // factor)
             move(grid.weight, new.weight, below // factor, left // factor)
-        grey, first, _ = self._line_grid()  # stamps matter within one insertion only
-        self.lines.move(grey, first, below, left)
+        gray, first, _ = self._line_grid()  # stamps matter within one insertion only
+        self.lines.move(gray, first, below, left)
 
 
 def _occupancy(
-    grey: NDArray[np.float32], known: NDArray[np.bool_], window: tuple[slice, slice], level: Grid
+    gray: NDArray[np.float32], known: NDArray[np.bool_], window: tuple[slice, slice], level: Grid
 ) -> OccupancyGrid | None:
     """Probabilities of the observed part of a window of a grid, None if nothing was observed."""
     found = observed(known, window, (level.x0, level.y0), level.resolution)
     if found is None:
         return None
     part, corner = found
-    p = np.where(known[part], 0.5 + 0.5 * grey[part], np.nan)
+    p = np.where(known[part], 0.5 + 0.5 * gray[part], np.nan)
     return OccupancyGrid(p.astype(np.float32), level.resolution, corner)

@@ -1,4 +1,4 @@
-"""Kernels of the grey map: end points make cells darker, the free space before them lighter.
+"""Kernels of the gray map: end points make cells darker, the free space before them lighter.
 
 Coordinates of a grid are real numbers in cells, and the integer i is the CENTER of cell i:
 cell = (world - first) / resolution, with `first` the center of cell [0, 0].
@@ -22,14 +22,14 @@ X, Y, NX, NY, HALF_LENGTH = 0, 1, 2, 3, 4  # columns of a segment
 
 
 class Grid(NamedTuple):
-    """Grey levels of square cells; arrays (ny, nx) are indexed [iy, ix].
+    """Gray levels of square cells; arrays (ny, nx) are indexed [iy, ix].
 
-    `grey` is the weighted mean of the observations of a cell: 1 wall, 0 unknown, -1 free; `weight`
+    `gray` is the weighted mean of the observations of a cell: 1 wall, 0 unknown, -1 free; `weight`
     the weight of this mean; `stamp` the number of the last scan that changed a cell; x0, y0 [m] the
     center of cell [0, 0]; `resolution` the edge of a cell [m].
     """
 
-    grey: NDArray[np.float32]
+    gray: NDArray[np.float32]
     weight: NDArray[np.float32]
     stamp: NDArray[np.int32]
     x0: float
@@ -40,8 +40,9 @@ class Grid(NamedTuple):
 class Update(NamedTuple):
     """How a scan enters a grid.
 
-    `free` is the weight of a beam that passes a cell (a hit has 1); `max_weight` of a cell; `width`
-    [m] the standard deviation of a wall's kernel; `unknown_weight` that of a cell at first.
+    `free` is the weight of a beam that passes a cell (a hit has 1); `max_weight` limits a cell's;
+    `width` [m] is the standard deviation of a wall's kernel; `unknown_weight` the weight of a cell
+    without observations.
     """
 
     free: float
@@ -88,7 +89,7 @@ def observe(
     [Tsardoulias13] map update: steps get smaller towards black and white; ours: with the weight.
     """
     total = grid.weight[v, u] + weight
-    grid.grey[v, u] += (value - grid.grey[v, u]) * weight / total
+    grid.gray[v, u] += (value - grid.gray[v, u]) * weight / total
     grid.weight[v, u] = min(total, max_weight)
 
 
@@ -103,7 +104,7 @@ def add_walls(grid: Grid, segments: Floats, n: int, pose: Any, number: int, upda
     """
     x0, y0, theta = pose
     _, max_weight, width, _ = update
-    rows, columns = grid.grey.shape
+    rows, columns = grid.gray.shape
     scale = 1.0 / grid.resolution
     c, s = math.cos(theta), math.sin(theta)
     sigma = width * scale
@@ -173,7 +174,7 @@ def darkness(grid: Grid, x: float, y: float) -> float:
 
     ours: smooth, by quadratic B-splines over the 3 x 3 cells around the point.
     """
-    height, width = grid.grey.shape
+    height, width = grid.gray.shape
     u, v = x + 0.5, y + 0.5
     if not (u >= 1.0 and v >= 1.0 and u < width - 1 and v < height - 1):
         return 0.0
@@ -186,6 +187,6 @@ def darkness(grid: Grid, x: float, y: float) -> float:
     for j in range(3):
         row = 0.5 * (t1 * t1) if j == 0 else (0.5 + t - t * t if j == 1 else 0.5 * t * t)
         i = iy - one + np.uint64(j)
-        left, middle = max(grid.grey[i, ix - one], 0.0), max(grid.grey[i, ix], 0.0)
-        total += row * (a * left + b * middle + c * max(grid.grey[i, ix + one], 0.0))
+        left, middle = max(grid.gray[i, ix - one], 0.0), max(grid.gray[i, ix], 0.0)
+        total += row * (a * left + b * middle + c * max(grid.gray[i, ix + one], 0.0))
     return total

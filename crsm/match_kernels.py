@@ -14,7 +14,7 @@ from slams.scan.scan_kernels import Points
 
 MAX_ROUNDS = 10  # of a step along each axis, before the step is halved
 MIN_RAY_RADIUS = 0.1  # m, rms of the rays' end points about their mean; bounds the rotation step
-FREE_GREY = -0.55  # 1; a cell below is free: observed by three scans
+FREE_GRAY = -0.55  # 1; a cell below is free: observed by three scans
 
 
 class WeightedPrior(NamedTuple):
@@ -130,7 +130,7 @@ def score_starts(grid: Any, rays: Any, prior: Any, starts: Any, out: Any) -> Non
 
 @njit
 def evaluate(grid: Any, points: Points, n: int, pose: Any) -> Any:
-    """Inlier ratio and conflict ratio of a scan at a pose, for the grey levels without lines.
+    """Inlier ratio and conflict ratio of a scan at a pose, for the gray levels without lines.
 
     ours: an end point is an inlier by its darkness, and in conflict in a cell that is free.
     """
@@ -139,14 +139,14 @@ def evaluate(grid: Any, points: Points, n: int, pose: Any) -> Any:
     scale = 1.0 / level.resolution
     c, s = math.cos(theta) * scale, math.sin(theta) * scale
     u, v = (x0 - level.x0) * scale, (y0 - level.y0) * scale
-    height, width = level.grey.shape
+    height, width = level.gray.shape
     inliers = conflicts = 0.0
     for i in range(n):
         px, py = points[0, i], points[1, i]
         x, y = c * px - s * py + u, s * px + c * py + v
         if x >= 0.0 and y >= 0.0 and x < width - 1 and y < height - 1:
             inliers += darkness(level, x, y)
-            conflicts += level.grey[np.uint64(y + 0.5), np.uint64(x + 0.5)] < FREE_GREY
+            conflicts += level.gray[np.uint64(y + 0.5), np.uint64(x + 0.5)] < FREE_GRAY
     return inliers / max(n, 1), conflicts / max(n, 1)
 
 

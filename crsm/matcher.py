@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from crsm import match_kernels
-from crsm.map import GreyMap
+from crsm.map import GrayMap
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
 from slams.frontend.motion_filter import Prediction
@@ -25,7 +25,7 @@ ClimbResult = tuple[tuple[float, float, float], float, float]  # pose, fitness, 
 class Matcher:
     """Climbs from a start, and from random poses where the fitness is below `mean_fitness`."""
 
-    def __init__(self, params: CrsmParams, grids: GreyMap) -> None:
+    def __init__(self, params: CrsmParams, grids: GrayMap) -> None:
         self.params = params
         self.restarts = 0
         self._map = grids
@@ -36,8 +36,7 @@ class Matcher:
     def climb(self, points: ScanReader, start: Pose2, prior: Prediction) -> Match:
         """[Tsardoulias13] random restart hill climbing: the best pose that is found.
 
-        Only climbs from the prediction are restarted. Other starts come from a search on coarse
-        cells.
+        Only a climb from the prediction is restarted: other starts are results of a search.
         """
         weight = (points.noise / (self.params.stroke * self.params.cell)) ** 2
         pose_prior = *prior.pose, prior.information, weight / max(len(points.ends), 1)

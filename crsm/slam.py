@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, ClassVar
 
-from crsm.map import GreyMap
+from crsm.map import GrayMap
 from crsm.matcher import Matcher
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
@@ -46,7 +46,7 @@ class Crsm(HasEstimator):
     def __init__(self, params: CrsmParams) -> None:
         self.params = params
         self.frozen = False
-        self._map = GreyMap(params)
+        self._map = GrayMap(params)
         self._matcher = Matcher(params, self._map)
         self._scan = ScanReader(params)
         self._estimator = estimator_for(params)

@@ -1,4 +1,4 @@
-"""ByteMap: a grid of grey levels in bytes that grows with the scans."""
+"""ByteMap: a grid of gray levels in bytes that grows with the scans."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from slams.types import OccupancyGrid, Pose2
 
 MIN_INTENSITY, MAX_INTENSITY = 0.04, 0.2  # m; bounds of a scan's mean range difference in it
 N_MAX_INTENSITY_SCANS = 10  # scans at the start, drawn with the maximum intensity
-FOOTPRINT_VALUE = 200  # grey level of 255
+FOOTPRINT_VALUE = 200  # gray level of 255
 
 
 class ByteMap:
@@ -59,7 +59,7 @@ class ByteMap:
         self.cells[y - half_w : y + half_w, x - half_l : x + half_l] = FOOTPRINT_VALUE
 
     def occupancy(self, mount: Pose2) -> OccupancyGrid:
-        """The grey levels as probabilities of occupied, nan where unknown."""
+        """The gray levels as probabilities of occupied, nan where unknown."""
         p = (1.0 - self.cells / 255.0).astype(np.float32)
         p[self.cells == kernels.UNKNOWN_VALUE] = np.nan
         cell = self.params.cell

@@ -9,7 +9,7 @@ import numpy as np
 
 from slams.jit import njit
 
-UNKNOWN_VALUE = 127  # grey level
+UNKNOWN_VALUE = 127  # gray level
 BORDER_CELLS = 50  # cells along the edges of the map that are neither scored nor drawn
 
 
@@ -32,9 +32,9 @@ def missing_cells(d: Any, directions: Any, pose: Any, shape: Any, cell: float, o
 
 @njit
 def intensity_tables(intensity: float, free: float, hit: float, out_tables: Any) -> None:
-    """[Tsardoulias13] code: new grey level after free, hit, and free then hit; (3, 256).
+    """[Tsardoulias13] code: new gray level after free, hit, and free then hit; (3, 256).
 
-    intensity 0 to 1; free, hit are grey levels at intensity 1. Steps get smaller towards black and
+    intensity 0 to 1; free, hit are gray levels at intensity 1. Steps get smaller towards black and
     white. They have single precision and the result is truncated: 127 - 24 is 102, not 103.
     """
     for v in range(256):

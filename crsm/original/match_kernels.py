@@ -11,7 +11,7 @@ from crsm.original.map_kernels import BORDER_CELLS, UNKNOWN_VALUE
 from slams.jit import njit
 
 MAX_RAY_SCORE = 14  # weight 10 of the end cell and 1 of each of its four neighbors
-MAX_GREY_LEVEL = 255.0
+MAX_GRAY_LEVEL = 255.0
 NO_SCORE = -1  # table entry of a cell that adds nothing to the fitness
 NOT_EVALUATED = np.float32(-1.0)  # fitness of a lattice pose that is not evaluated yet
 
@@ -60,7 +60,7 @@ def fitness(table: Any, rays: Any, k: int, shift: Any, best: Any) -> Any:
         ix = int((rays[j, 0] + x) + ox)
         iy = int((rays[j, 1] + y) + oy)
         if 0 <= ix < nx and 0 <= iy < ny and table[iy, ix] != NO_SCORE:
-            total = np.float32(total + table[iy, ix] / MAX_GREY_LEVEL)
+            total = np.float32(total + table[iy, ix] / MAX_GRAY_LEVEL)
         if j % 8 == 7 and total + MAX_RAY_SCORE * (k - j - 1) < goal:
             return np.float32(0.0)
     return np.float32(total / (MAX_RAY_SCORE * float(k)))

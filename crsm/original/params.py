@@ -33,7 +33,7 @@ class OriginalParams(Params):
     density: float = param(
         40.0,
         "1",
-        "update of a free cell: grey levels per meter of mean range difference",
+        "update of a free cell: gray levels per meter of mean range difference",
         source=CODE,
         low=0.0,
         ros=("map_update_density",),

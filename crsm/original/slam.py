@@ -60,7 +60,7 @@ class Original:
         return self._laser_pose() @ scan.laser.mount.inverse()
 
     def map(self) -> OccupancyGrid:
-        """The grey levels of the map as probabilities of occupied."""
+        """The gray levels of the map as probabilities of occupied."""
         return self._map.occupancy(self._mount)
 
     def report(self) -> dict[str, Any]:

@@ -108,20 +108,20 @@ def observe(cell, value, weight, max_weight):
     cell[1] = min(total, max_weight)
 
 
-def insert(grey, weight, segments, pose, frame, rules):
-    """Add segments (k, 5) and their beams to grey levels and weights (ny, nx), in place."""
+def insert(gray, weight, segments, pose, frame, rules):
+    """Add segments (k, 5) and their beams to gray levels and weights (ny, nx), in place."""
     (x0, y0), cell = frame
     laser, free, max_weight, width, unknown = rules
-    ny, nx = grey.shape
+    ny, nx = gray.shape
     centers = np.stack(np.meshgrid(x0 + cell * np.arange(nx), y0 + cell * np.arange(ny)), axis=-1)
     c, s = math.cos(pose[2]), math.sin(pose[2])
     turn = np.array([[c, -s], [s, c]])
-    drawn = np.zeros(grey.shape, bool)
+    drawn = np.zeros(gray.shape, bool)
 
     def enter(j, i, value, by):
-        state = [float(grey[j, i]), float(weight[j, i])]
+        state = [float(gray[j, i]), float(weight[j, i])]
         observe(state, value, by, max_weight)
-        grey[j, i], weight[j, i] = state
+        gray[j, i], weight[j, i] = state
         drawn[j, i] = True
 
     for x, y, *normal, half in segments:

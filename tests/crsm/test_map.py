@@ -1,11 +1,11 @@
-"""Reading a scan, and the grey map: critical rays and updates against naive twins, its growth."""
+"""Reading a scan, and the gray map: critical rays and updates against naive twins, its growth."""
 
 import math
 
 import numpy as np
 import pytest
 
-from crsm.map import GreyMap
+from crsm.map import GrayMap
 from crsm.map_kernels import Grid, Update, add_free_space, add_walls, darkness, wall_segments
 from crsm.rays_kernels import leverage
 from crsm.scan import MIN_CRITICAL_RAYS, ScanReader
@@ -60,7 +60,7 @@ def test_neighbors_on_one_wall_are_one_segment():
 
 def test_map_update_equals_the_naive_one():
     grid, laser = blank(240), Pose2(0.3, 0.1, 0.0)
-    grey, weight, ends = grid.grey.copy(), grid.weight.copy(), np.zeros((800, 5))
+    gray, weight, ends = grid.gray.copy(), grid.weight.copy(), np.zeros((800, 5))
     for mark, pose in enumerate(drive(3), 1):
         view = noisy_view(mark, pose)
         count = wall_segments(view.points, view.normals, view.n, 0.025, ends)
@@ -68,11 +68,11 @@ def test_map_update_equals_the_naive_one():
         add_walls(grid, ends, count, tuple(pose), mark, tuple(RULE))
         add_free_space(grid, ends, count, tuple(pose), tuple(laser), mark, tuple(RULE))
         frame, rules = ((grid.x0, grid.y0), grid.resolution), (laser[:2], *RULE)
-        naive.insert(grey, weight, ends[:count], pose, frame, rules)
-    differ = (np.abs(grid.grey - grey) > 1e-4) | (np.abs(grid.weight - weight) > 1e-4)
+        naive.insert(gray, weight, ends[:count], pose, frame, rules)
+    differ = (np.abs(grid.gray - gray) > 1e-4) | (np.abs(grid.weight - weight) > 1e-4)
     assert differ.sum() <= 4  # a sample on the border of two cells
-    assert (grid.grey < -0.55).sum() > 3000  # free by three scans
-    assert (grid.grey > 0.5).sum() > 300
+    assert (grid.gray < -0.55).sum() > 3000  # free by three scans
+    assert (grid.gray > 0.5).sum() > 300
 
 
 def test_the_weight_of_a_cell_is_limited():
@@ -88,10 +88,10 @@ def test_darkness_is_the_spline_of_the_cells_around():
         return 0.75 - d * d if d < 0.5 else 0.5 * max(1.5 - d, 0.0) ** 2
 
     grid, rng = blank(), np.random.default_rng(0)
-    grid.grey[:] = rng.uniform(-1.0, 1.0, grid.grey.shape)
+    grid.gray[:] = rng.uniform(-1.0, 1.0, grid.gray.shape)
     for u, v in rng.uniform(20.0, 40.0, (20, 2)):
         expected = sum(
-            spline(u - i) * spline(v - j) * max(grid.grey[j, i], 0.0)
+            spline(u - i) * spline(v - j) * max(grid.gray[j, i], 0.0)
             for i in range(math.floor(u) - 2, math.floor(u) + 4)
             for j in range(math.floor(v) - 2, math.floor(v) + 4)
         )
@@ -101,11 +101,11 @@ def test_darkness_is_the_spline_of_the_cells_around():
 
 
 def test_a_building_that_begins_at_the_start_is_not_moved(monkeypatch):
-    grid, view = GreyMap(Parameters()), reader_of(scan_at(IDENTITY, LASER))
-    before = grid.levels[0].grey
+    grid, view = GrayMap(Parameters()), reader_of(scan_at(IDENTITY, LASER))
+    before = grid.levels[0].gray
     side = 0.05 * math.isqrt(1 << 18)
     assert grid.insert(view, Pose2(0.5 * side, 0.0, 0.0))
-    assert grid.levels[0].grey is before
+    assert grid.levels[0].gray is before
 
 
 def test_critical_rays_equal_the_naive_selection():
@@ -154,9 +154,9 @@ def test_a_single_short_beam_does_not_tear_a_wall():
     assert stretches <= len(np.unique(whole.moments[5, : whole.n])) + 1
 
 
-@pytest.mark.parametrize(("preset", "grey"), [("crsm", -1.0 / 3.0), ("crsm@paper", -1.0)])
-def test_one_beam_frees_an_unknown_cell_in_the_preset_of_the_paper_alone(preset, grey):
+@pytest.mark.parametrize(("preset", "gray"), [("crsm", -1.0 / 3.0), ("crsm@paper", -1.0)])
+def test_one_beam_frees_an_unknown_cell_in_the_preset_of_the_paper_alone(preset, gray):
     """In the default an unknown cell has a weight."""
     slam = made(preset)
     slam.update(scan_at(IDENTITY, laser(361)))
-    assert slam._map.levels[0].grey.min() == pytest.approx(grey, abs=1e-6)
+    assert slam._map.levels[0].gray.min() == pytest.approx(gray, abs=1e-6)
