@@ -1,4 +1,4 @@
-"""GreyMap: the global map of CRSM SLAM, its grey levels and the lines inside its cells."""
+"""GrayMap: the map of CRSM SLAM, grids of gray levels and the lines in the fine cells."""
 
 from __future__ import annotations
 
@@ -17,43 +17,44 @@ from slams.refine.lines import LineMap
 from slams.scan.end_points import EndPoints
 from slams.types import OccupancyGrid, Pose2
 
-COARSE = 4  # fine cells along a coarse one: 0.2 m, wide enough to climb from afar
-UNKNOWN = 2.0  # passing beams that weigh as much as that nothing is known of a cell
+COARSE_FACTOR = 4  # fine cells along the edge of a coarse cell: 0.2 m, to climb from afar
+UNKNOWN_WEIGHT = 2.0  # passing beams; weight of the gray level 0 that a cell has at first
 
 
-class GreyMap:
-    """Grey levels of one scene, fine and coarse, each made from the scans themselves.
+class GrayMap:
+    """A fine and a coarse grid of gray levels, each updated by every keyframe.
 
-    Level 0 is the fine one; both grow together.
+    `levels` are the fine and the coarse grid. Both grow together.
     """
 
     def __init__(self, params: CrsmParams) -> None:
         self.params = params
         self.insertions = 0
-        self.extent = GridBounds(params.max_cells, params.cell)
-        self._room = GridStorage(params.max_cells, params.cell, COARSE)
-        self.levels = [self._blank(1), self._blank(COARSE)]
-        self._strokes = np.zeros((1, 5))
-        self.lines = LineMap(params, *self._fine(), match_kernels.FREE)
+        self.bounds = GridBounds(params.max_cells, params.cell)
+        self._storage = GridStorage(params.max_cells, params.cell, COARSE_FACTOR)
+        self.levels = [self._new_grid(1), self._new_grid(COARSE_FACTOR)]
+        self._segments = np.zeros((1, 5))
+        self.lines = LineMap(params, *self._line_grid(), match_kernels.FREE_GRAY)
 
     def insert(self, scan: EndPoints, pose: Pose2) -> bool:
-        """Let a scan taken at `pose` enter both grids, and the lines of the fine one.
+        """Update both grids and the lines of the fine one with a scan taken at `pose`.
 
-        False if it may not: the map does not grow so far.
+        False if the map may not grow to the scan's end points; then nothing changes.
         """
         if not self._cover(pose, scan.radius):
             return False
         self.insertions += 1
-        if len(self._strokes) < scan.n:
-            self._strokes = np.zeros((scan.n, 5))
-        at, mark, ends, p = tuple(pose), self.insertions, self._strokes, self.params
-        unknown = UNKNOWN * p.free if p.refine else 0.0  # the paper: one beam whitens a cell
+        if len(self._segments) < scan.n:
+            self._segments = np.zeros((scan.n, 5))
+        at, number, segments, p = tuple(pose), self.insertions, self._segments, self.params
+        unknown = UNKNOWN_WEIGHT * p.free if p.refine else 0.0  # the paper: one beam frees a cell
         for grid in self.levels:
             cell = grid.resolution
             update = Update(p.free, p.max_weight, max(p.stroke * cell, scan.noise), unknown)
-            count = map_kernels.strokes(scan.points, scan.normals, scan.n, cell, ends)
-            map_kernels.blacken(grid, ends, count, at, mark, tuple(update))
-            map_kernels.whiten(grid, ends, count, at, tuple(scan.mount), mark, tuple(update))
+            n = map_kernels.wall_segments(scan.points, scan.normals, scan.n, cell, segments)
+            map_kernels.add_walls(grid, segments, n, at, number, tuple(update))
+            mount = tuple(scan.mount)
+            map_kernels.add_free_space(grid, segments, n, at, mount, number, tuple(update))
         if p.refine:
             self.lines.insert(scan, pose)
         return True
@@ -72,67 +73,69 @@ class GreyMap:
         return inliers, conflicts
 
     def likelihood_field(self) -> LikelihoodField:
-        """The coarse grid: a wide target and cheap to search."""
+        """Gray levels of the coarse grid: its walls are wider, its search is faster."""
         grid = self.levels[1]
-        return LikelihoodField(grid.grey, grid.x0, grid.y0, grid.resolution)
+        return LikelihoodField(grid.gray, grid.x0, grid.y0, grid.resolution)
 
     def grid(self) -> OccupancyGrid:
-        """The grey levels as probabilities, cut to what was observed."""
+        """Probabilities of the fine grid, cut to the observed cells."""
         return self.snapshot()()
 
     def snapshot(self) -> Callable[[], OccupancyGrid]:
-        """A function that draws the grey levels as they stand now, cut to what was observed."""
-        fine, window = self.levels[0], self._room.window(self.extent.covered)
-        cells = fine.grey[window].copy(), fine.weight[window] > 0.0
+        """A function that returns the `grid` of now, also after later updates of the map."""
+        fine, window = self.levels[0], self._storage.window(self.bounds.covered)
+        cells = fine.gray[window].copy(), fine.weight[window] > 0.0
         unknown = np.full((1, 1), np.nan, np.float32)
         nothing = OccupancyGrid(unknown, self.params.cell, (0.0, 0.0))
-        return lambda: _drawn(*cells, window, fine) or nothing
+        return lambda: _occupancy(*cells, window, fine) or nothing
 
     def crop(self, box: Box) -> OccupancyGrid | None:
-        """The part in a box that was observed, None if nothing was."""
-        fine, window = self.levels[0], self._room.window(box)
-        return _drawn(fine.grey[window], fine.weight[window] > 0.0, window, fine)
+        """Probabilities of the fine grid in a box, cut to the observed cells; None without any."""
+        fine, window = self.levels[0], self._storage.window(box)
+        return _occupancy(fine.gray[window], fine.weight[window] > 0.0, window, fine)
 
-    def _blank(self, side: int) -> Grid:
-        room, cell = self._room, self.params.cell
-        shape = (room.height // side, room.width // side)
+    def _new_grid(self, factor: int) -> Grid:
+        """A grid without observations, of cells with so many fine cells along an edge."""
+        storage, cell = self._storage, self.params.cell
+        shape = (storage.height // factor, storage.width // factor)
         arrays = zeros(shape, np.float32), zeros(shape, np.float32), zeros(shape, np.int32)
-        x, y = room.corner
-        half = 0.5 * side * cell
-        return Grid(*arrays, x + half, y + half, side * cell)
+        x, y = storage.corner
+        half = 0.5 * factor * cell
+        return Grid(*arrays, x + half, y + half, factor * cell)
 
-    def _fine(self) -> tuple[NDArray[np.float32], tuple[float, float], float]:
-        """The fine grid as the lines see it."""
+    def _line_grid(self) -> tuple[NDArray[np.float32], tuple[float, float], float]:
+        """The fine grid for `LineMap`: gray levels, center of cell [0, 0] [m], cell [m]."""
         grid = self.levels[0]
-        return grid.grey, (grid.x0, grid.y0), grid.resolution
+        return grid.gray, (grid.x0, grid.y0), grid.resolution
 
-    def _cover(self, pose: Pose2, far: float) -> bool:
-        """Make the map reach `far` [m] around the pose, if it may grow so far."""
-        needed = Box.around(pose.x, pose.y, far + 2.0 * COARSE * self.params.cell)
-        if not self.extent.admits(needed):
+    def _cover(self, pose: Pose2, radius: float) -> bool:
+        """Make the map cover `radius` [m] around the pose; False if it may not grow so far."""
+        needed = Box.around(pose.x, pose.y, radius + 2.0 * COARSE_FACTOR * self.params.cell)
+        if not self.bounds.admits(needed):
             return False
-        added = self._room.reach(needed)
+        added = self._storage.reach(needed)
         if added is not None:
             self._grow(*added)
         return True
 
     def _grow(self, below: int, left: int) -> None:
+        """Move both grids to the larger storage, by so many fine cells added below and left."""
         old = self.levels
-        self.levels = [self._blank(1), self._blank(COARSE)]
-        for new, grid, side in zip(self.levels, old, (1, COARSE), strict=True):
-            move(grid.grey, new.grey, below // side, left // side)
-            move(grid.weight, new.weight, below // side, left // side)
-        seen, first, _ = self._fine()  # stamps are of one insertion only
-        self.lines.move(seen, first, below, left)
+        self.levels = [self._new_grid(1), self._new_grid(COARSE_FACTOR)]
+        for new, grid, factor in zip(self.levels, old, (1, COARSE_FACTOR), strict=True):
+            move(grid.gray, new.gray, below // factor, left // factor)
+            move(grid.weight, new.weight, below // factor, left // factor)
+        gray, first, _ = self._line_grid()  # stamps matter within one insertion only
+        self.lines.move(gray, first, below, left)
 
 
-def _drawn(
-    grey: NDArray[np.float32], seen: NDArray[np.bool_], window: tuple[slice, slice], level: Grid
+def _occupancy(
+    gray: NDArray[np.float32], known: NDArray[np.bool_], window: tuple[slice, slice], level: Grid
 ) -> OccupancyGrid | None:
-    """The observed part of a window of a level as probabilities, None if nothing was observed."""
-    found = observed(seen, window, (level.x0, level.y0), level.resolution)
+    """Probabilities of the observed part of a window of a grid, None if nothing was observed."""
+    found = observed(known, window, (level.x0, level.y0), level.resolution)
     if found is None:
         return None
     part, corner = found
-    p = np.where(seen[part], 0.5 + 0.5 * grey[part], np.nan)
+    p = np.where(known[part], 0.5 + 0.5 * gray[part], np.nan)
     return OccupancyGrid(p.astype(np.float32), level.resolution, corner)

@@ -1,4 +1,4 @@
-"""Which beams of a scan fix x, y and theta: the critical rays."""
+"""Critical rays: the beams of a scan that constrain x, y and theta."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ from slams.jit import njit
 from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2
 
-EDGES = 0.25  # share of the rays that discontinuities may take
-LEAST = 1e-6  # 1 and m^2, keep H regular
+MAX_DISCONTINUITY_SHARE = 0.25  # of the rays, at discontinuities of the range
+REGULARIZATION = 1e-6  # 1 and m^2, on the diagonal of H; so that it has an inverse
 
 
 @njit
 def leverage(points: Points, normals: Points, m: int, H: Floats, out: Floats) -> None:
-    """ours: share (m,) of each point in fixing the pose, c' H^-1 c; together they are 3.
+    """Leverage (m,) of each point in the fit of the pose, c' H^-1 c; their sum is 3.
 
-    c is the normal (x, y) and its lever arm; H (3, 3) the sum of c c' [1, m, m^2]. A lone point has
-    no normal and no share.
+    ours: a standard measure of how much one point constrains the pose. c is the normal nx, ny and
+    its lever arm; H (3, 3) the sum of c c' [1, m, m^2]. An isolated point has no normal: 0.
     """
     for i in range(3):
         for k in range(3):
-            H[i, k] = LEAST if i == k else 0.0
+            H[i, k] = REGULARIZATION if i == k else 0.0
     for i in range(m):
         nx, ny = normals[0, i], normals[1, i]
-        turn = ny * points[0, i] - nx * points[1, i]
+        lever = ny * points[0, i] - nx * points[1, i]
         H[0, 0] += nx * nx
         H[0, 1] += nx * ny
-        H[0, 2] += nx * turn
+        H[0, 2] += nx * lever
         H[1, 1] += ny * ny
-        H[1, 2] += ny * turn
-        H[2, 2] += turn * turn
+        H[1, 2] += ny * lever
+        H[2, 2] += lever * lever
     H[1, 0], H[2, 0], H[2, 1] = H[0, 1], H[0, 2], H[1, 2]
     A = inverse3(H)
     for i in range(m):
         nx, ny = normals[0, i], normals[1, i]
-        turn = ny * points[0, i] - nx * points[1, i]
-        share = A[0, 0] * nx * nx + A[1, 1] * ny * ny + A[2, 2] * turn * turn
-        out[i] = share + 2.0 * (A[0, 1] * nx * ny + (A[0, 2] * nx + A[1, 2] * ny) * turn)
+        lever = ny * points[0, i] - nx * points[1, i]
+        squares = A[0, 0] * nx * nx + A[1, 1] * ny * ny + A[2, 2] * lever * lever
+        out[i] = squares + 2.0 * (A[0, 1] * nx * ny + (A[0, 2] * nx + A[1, 2] * ny) * lever)
 
 
 @njit
@@ -54,34 +54,35 @@ def critical_rays(
     H: Floats,
     out: Floats,
 ) -> int:
-    """About `count` of m points that carry the pose, into out (m, 2), x, y [m]; how many.
+    """Choose about `count` of m points into out (m, 2), x, y [m]; returns their number.
 
-    [Tsardoulias13]: those at discontinuities, and of the rest the far ones more densely. ours: half
-    of the rest goes to those with the greatest share in x, y and theta; chosen by error diffusion
-    along the scan, without a draw. moments as of `scan_moments`; H as of `leverage`.
+    [Tsardoulias13]: points at discontinuities, and more of the far points than of the near. ours:
+    of the rays that discontinuities leave, half are chosen by leverage, half by range; by error
+    diffusion along the scan, so without random numbers. moments of `scan_moments`; H of `leverage`.
     """
-    room = np.empty((3, m))
-    shares, edge, far = room[0], room[1], room[2]
+    scratch = np.empty((3, m))
+    leverages, at_jump, ranges = scratch[0], scratch[1], scratch[2]
     for i in range(m):
-        edge[i] = 0.0
+        at_jump[i] = 0.0
     for i in range(m):
-        far[i] = math.sqrt((points[0, i] - laser.x) ** 2 + (points[1, i] - laser.y) ** 2)
+        ranges[i] = math.sqrt((points[0, i] - laser.x) ** 2 + (points[1, i] - laser.y) ** 2)
         if moments[5, i + 1] != moments[5, i]:
-            edge[i] = edge[min(i + 1, m - 1)] = 1.0
-    leverage(points, normals, m, H, shares)
-    edges = all_far = all_shares = 0.0
+            at_jump[i] = at_jump[min(i + 1, m - 1)] = 1.0
+    leverage(points, normals, m, H, leverages)
+    jumps = total_range = total_leverage = 0.0
     for i in range(m):
-        edges += edge[i]
-        all_far += far[i]
-        all_shares += shares[i]
-    each = min(EDGES * count / max(edges, 1.0), 1.0)
-    rest = 0.5 * (count - each * edges)
-    scale = 1.0 / max(all_shares, LEAST)
-    k, owed = 0, 0.0
+        jumps += at_jump[i]
+        total_range += ranges[i]
+        total_leverage += leverages[i]
+    each = min(MAX_DISCONTINUITY_SHARE * count / max(jumps, 1.0), 1.0)
+    rest = 0.5 * (count - each * jumps)
+    scale = 1.0 / max(total_leverage, REGULARIZATION)
+    k, error = 0, 0.0
     for i in range(m):
-        owed += min(each * edge[i] + rest * (shares[i] * scale + far[i] / all_far), 1.0)
-        if owed >= 1.0 or m <= count:
-            owed -= 1.0
+        share = leverages[i] * scale + ranges[i] / total_range
+        error += min(each * at_jump[i] + rest * share, 1.0)
+        if error >= 1.0 or m <= count:
+            error -= 1.0
             out[k, 0], out[k, 1] = points[0, i], points[1, i]
             k += 1
     return k

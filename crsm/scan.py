@@ -9,14 +9,11 @@ from crsm.rays_kernels import critical_rays
 from slams.scan.end_points import EndPoints
 from slams.types import Floats, Pose2, Scan
 
-LEAST_RAYS = 60  # otherwise at most half of the points: all of them have no choice in them
+MIN_CRITICAL_RAYS = 60  # even where they are more than half of a scan's end points
 
 
 class ScanReader(EndPoints):
-    """End points, and the few of them that hill climbing looks at.
-
-    `ends` (k, 2) [m] of these rays, in the base frame.
-    """
+    """End points of a scan, and those of its critical rays: `ends` (k, 2) [m] in the base frame."""
 
     def __init__(self, params: CrsmParams) -> None:
         super().__init__(params)
@@ -25,9 +22,9 @@ class ScanReader(EndPoints):
         self._H = np.zeros((3, 3))
 
     def read(self, scan: Scan, velocity: Pose2) -> ScanReader:
-        """Read a scan and choose its rays; `velocity` of the base frees a sweep from its motion."""
+        """Read a scan and choose its rays; `velocity` [m/s, rad/s] of the base is for deskewing."""
         super().read(scan, velocity)
-        count = min(self._count, max(self.n // 2, LEAST_RAYS))
+        count = min(self._count, max(self.n // 2, MIN_CRITICAL_RAYS))
         ends, normals = np.empty((self.n, 2)), self.normals
         k = critical_rays(
             self.points, normals, self.moments, self.n, self.mount, count, self._H, ends
@@ -36,8 +33,8 @@ class ScanReader(EndPoints):
         return self
 
     def information(self, theta: float) -> Floats:
-        """What the rays say of a pose of heading `theta` (3, 3) [1/m^2, 1/(m rad), 1/rad^2]."""
+        """Information (3, 3) of the rays at heading `theta` [1/m^2, 1/(m rad), 1/rad^2]."""
         c, s = np.cos(theta), np.sin(theta)
-        turned = np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+        rotation = np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
         share = len(self.ends) / max(self.n, 1)
-        return np.asarray(turned @ self._H @ turned.T * (share / self.noise**2))
+        return np.asarray(rotation @ self._H @ rotation.T * (share / self.noise**2))

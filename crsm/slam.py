@@ -1,19 +1,18 @@
-"""CRSM SLAM: a few critical rays matched to one global map by random restart hill climbing.
+"""CRSM SLAM: critical rays matched to one global map by random restart hill climbing.
 
 [Tsardoulias13] E. Tsardoulias, L. Petrou: "Critical Rays Scan Match SLAM", Journal of Intelligent
 & Robotic Systems 72, 2013. Per scan:
 
-1. Predict the pose; ours: with a covariance, from wheels, gyro and the motion so far.
-2. Clean the ranges and choose the critical rays: few beams that fix x, y and theta; ours: freed
-   from the motion of a sweep.
-3. Climb from the predicted pose to where the map under the ends of these rays is darkest; where
-   that is less dark than usual, restart at random.
-4. ours: Gauss-Newton on the lines inside the cells, all beams, from there and from the prediction.
-5. Take the match; ours: decide between these, those of a search, and the prediction.
-6. If the robot has moved, draw the scan into the map.
+1. Predict the pose; ours: with a covariance, from wheels, gyro and the last twist.
+2. Choose the critical rays, few beams that constrain x, y and theta; ours: deskewed.
+3. Climb from the predicted pose to the one with the darkest map under the end points of these rays;
+   if that is less dark than the mean of recent scans, restart from random poses.
+4. ours: Gauss-Newton on the lines inside the cells, with all beams, from the results of 1 and of 3.
+5. Take the match; ours: choose among these matches, those of a search, and the prediction.
+6. If the robot has moved, insert the scan into the map.
 
-What is ours is `slams.frontend` and `slams.refine`. `crsm@paper` leaves out both; the published
-program, `crsm@original`, stands in `original`.
+What is ours in steps 1, 4 and 5 is in `slams.frontend` and `slams.refine`; `crsm@paper` leaves it
+out. The published program, `crsm@original`, is in `crsm/original`.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, ClassVar
 
-from crsm.map import GreyMap
+from crsm.map import GrayMap
 from crsm.matcher import Matcher
 from crsm.params import CrsmParams
 from crsm.scan import ScanReader
@@ -37,9 +36,9 @@ from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
 
 class Crsm(HasEstimator):
-    """Critical rays climbed, and all beams fitted to lines; see the module for the steps.
+    """Hill climbing of critical rays, then a fit of all beams; the module lists the steps.
 
-    `frozen`: nothing enters the map.
+    While `frozen` is set, no scan enters the map.
     """
 
     Params: ClassVar[type[Params]] = CrsmParams
@@ -47,7 +46,7 @@ class Crsm(HasEstimator):
     def __init__(self, params: CrsmParams) -> None:
         self.params = params
         self.frozen = False
-        self._map = GreyMap(params)
+        self._map = GrayMap(params)
         self._matcher = Matcher(params, self._map)
         self._scan = ScanReader(params)
         self._estimator = estimator_for(params)
@@ -58,60 +57,59 @@ class Crsm(HasEstimator):
         """Match the scan to the map, insert it if due; return T_map_base."""
         prior = self._estimator.predict(scan)  # 1.
         points = self._scan.read(scan, prior.twist)  # 2.
-        matches = self._match(points, prior.pose, prior)
-        if points.has_sweep:  # 2. again, with the motion that was found
+        matches = self._match(points, prior.pose, prior)  # 3. and 4.
+        if points.has_sweep:  # 2. to 4. again, with the twist of the match
             points = self._scan.read(scan, self._estimator.twist_at(matches[0].pose))
             matches = self._match(points, prior.pose, prior)
         pose = self._estimator.decide(points, matches, self._map, self._match)  # 5.
-        self._learn(points)
+        self._learn_from_match(points)
         quality, mount = self._estimator.quality, scan.laser.mount
         if self._estimator.may_map and self._keyframes.due(pose, quality, mount):
             self._insert(points, pose)  # 6.
         return points.at_stamp(pose)
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
-        """Let a scan enter the map at a known pose, without matching."""
+        """Insert a scan into the map at a known pose, without matching."""
         self._estimator.place(scan, pose)
         self._insert(self._scan.read(scan, IDENTITY), pose)
 
     def adopt(self, other: Crsm, pose: Pose2) -> None:
-        """Go on in the map of another instance, at `pose` in it, moving as before."""
+        """Continue in the map of another instance, at `pose` in it, with the present twist."""
         self._map, self._matcher = other._map, other._matcher
         self._keyframes = other._keyframes
         self._estimator.correct(pose)
 
     def map(self) -> OccupancyGrid:
-        """The grey levels of the map as probabilities."""
+        """The fine grid as probabilities of occupied."""
         return self._map.grid()
 
     def snapshot(self) -> Callable[[], OccupancyGrid]:
-        """A function that draws the map as it stands now, while updates go on."""
+        """A function that returns the map of now, also after later updates."""
         return self._map.snapshot()
 
     def report(self) -> dict[str, Any]:
-        """Counts of scans.
+        """Numbers of scans, and of climbs: `restarts`.
 
-        `posed` by the climb, `kept` where the pose within a cell of that was taken, `refined` by
-        the lines, `inserted`; climbs from random poses, `restarts`; those of the estimator and of
-        the map's bounds.
+        `posed`: matched by a climb; `kept`: the pose is within a cell of that match; `refined`:
+        matched by the lines; `inserted` into the map; those of the estimator and the grid bounds.
         """
         counts = self._counts | {"restarts": self._matcher.restarts}
-        counts |= self._estimator.counts | self._map.extent.counts
+        counts |= self._estimator.counts | self._map.bounds.counts
         return counts | self._scan.counts
 
     def _match(self, points: EndPoints, start: Pose2, prior: Prediction) -> list[Match]:
-        """Steps 3 and 4 from a start, of the scan at hand."""
+        """Matches of steps 3 and 4 from a start."""
         if self._map.empty or points.n == 0:
             return [Match(start)]
         climbed = self._matcher.climb(self._scan, start, prior)  # 3.
-        found = [climbed]
+        matches = [climbed]
         if self.params.refine:
-            expected = Prior(prior.pose, prior.information)
-            found = self._map.lines.refine(points, start, climbed.pose, expected)  # 4.
-        return [match._replace(coarse=climbed.pose) for match in found]
+            pose_prior = Prior(prior.pose, prior.information)
+            matches = self._map.lines.refine(points, start, climbed.pose, pose_prior)  # 4.
+        return [match._replace(coarse=climbed.pose) for match in matches]
 
-    def _learn(self, points: ScanReader) -> None:
-        """Count how the match that was taken came about; how well it fits is usual from now on."""
+    def _learn_from_match(self, points: ScanReader) -> None:
+        """Update mean fitness, residual variance and counts by the match that was taken."""
         match = self._estimator.match
         if match is None or match.coarse is None:
             return
@@ -122,6 +120,7 @@ class Crsm(HasEstimator):
         self._counts["refined"] += match.coarse != match.pose
 
     def _insert(self, points: EndPoints, pose: Pose2) -> None:
+        """Insert the scan into the map, unless the map is frozen."""
         if self.frozen or points.n == 0:
             return
         self._counts["inserted"] += self._map.insert(points, pose)

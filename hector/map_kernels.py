@@ -1,7 +1,7 @@
 """Kernels of the occupancy pyramid: map update.
 
-Coordinates of a level are real numbers in cells; the integer i is the CENTER of cell i, so that
-map = (world - first) / resolution with `first` the center of cell [0, 0].
+Coordinates of a level are real numbers in cells, and the integer i is the CENTER of cell i:
+cell = (world - first) / resolution, with `first` the center of cell [0, 0].
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from slams.jit import njit
 from slams.scan.scan_kernels import Points
 from slams.types import Pose2
 
-FREE = -1.1  # log-odds of a cell that three scans saw free: p < 0.25
-SURELY_FREE = -10.0  # log-odds; p there is 5e-5
+FREE_LOG_ODDS = -1.1  # 1; a cell below is free: p < 0.25, observed by three scans
+NEGLIGIBLE_P_LOG_ODDS = -10.0  # 1; below, p stays as it is, at most 5e-5
 
 
 class Level(NamedTuple):
     """One grid of the pyramid; arrays are indexed [iy, ix].
 
-    `log_odds` 0 = never observed; `p` its probability as the matcher reads it; `stamp` the last
-    scan that touched a cell, times 2, plus 1 where it was hit; x0, y0 [m] the center of cell
-    [0, 0]; `resolution` [m].
+    `log_odds` is 0 where nothing was observed; `p` the probability that the matcher reads; `stamp`
+    twice the number of the last scan that changed a cell, plus 1 if a beam ended in it; x0, y0 [m]
+    the center of cell [0, 0]; `resolution` the edge of a cell [m].
     """
 
     log_odds: NDArray[np.float32]
@@ -37,39 +37,38 @@ class Level(NamedTuple):
 
 
 class Update(NamedTuple):
-    """Log-odds added to free and to occupied cells, the ceiling above which none is added.
+    """Log-odds added to free and to occupied cells; above the `ceiling` nothing is added.
 
-    `odds` that a cell is occupied are multiplied by where it is seen free, the exponential of
-    `free`.
+    `free_odds` = exp(`free`) is the factor of the odds of a free cell.
     """
 
     free: float
     occupied: float
     ceiling: float
-    odds: float
+    free_odds: float
 
 
 @njit(inner=True, borrows=True)
 def mark_free(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Update) -> None:
-    """A beam passed cell [v, u], once per scan: inverse sensor model, [Kohlbrecher11] sec. IV-A.
+    """Update cell [v, u] as free, once per scan: inverse sensor model, [Kohlbrecher11] sec. IV-A.
 
-    ours: `p` follows by Bayes' rule, as an exponential for each of so many cells takes longer than
-    all else; of a cell that is surely free it stays as it is, 0 but for rounding: most cells are.
+    ours: `p` follows by Bayes' rule from its last value, as an exponential for each cell of a beam
+    would take most of the time. Where `p` is almost 0, as in most cells, it stays as it is.
     """
     if level.stamp[v, u] < mark:
         before = level.log_odds[v, u]
         log_odds = before + update.free
         level.log_odds[v, u], level.stamp[v, u] = log_odds, mark
-        if log_odds > SURELY_FREE:
+        if log_odds > NEGLIGIBLE_P_LOG_ODDS:
             p = level.p[v, u] if before != 0.0 else 0.5
-            level.p[v, u] = p * update.odds / (1.0 - p + p * update.odds)
+            level.p[v, u] = p * update.free_odds / (1.0 - p + p * update.free_odds)
 
 
 @njit(inner=True, borrows=True)
 def mark_occupied(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Update) -> None:
-    """A beam ended in cell [v, u], once per scan: [Kohlbrecher11] sec. IV-A.
+    """Update cell [v, u] as occupied, once per scan: [Kohlbrecher11] sec. IV-A.
 
-    Takes back a free mark of the same scan.
+    The free update of the same scan is undone.
     """
     if level.stamp[v, u] > mark:
         return
@@ -83,7 +82,7 @@ def mark_occupied(level: Level, u: np.uint64, v: np.uint64, mark: int, update: U
 
 @njit(inner=True, borrows=True)
 def probability(log_odds: float) -> float:
-    """Probability as the matcher reads it, p = e^l / (1 + e^l); 0 where nothing was seen. ours."""
+    """Probability for the matcher, p = e^l / (1 + e^l); ours: 0 where nothing was observed."""
     if log_odds == 0.0:
         return 0.0
     return 1.0 / (1.0 + math.exp(-log_odds))
@@ -99,10 +98,11 @@ def insert(
     number: int,
     update: Update,
 ) -> None:
-    """Update one level with a scan: free along each beam, occupied at its end, the end wins.
+    """Update one level with a scan: free along each beam, occupied at its end point.
 
-    [Kohlbrecher11] sec. IV-A: Bresenham lines from the sensor's cell up to the end's. `number`
-    counts the insertions from 1; a beam that leaves the grid is skipped whole.
+    [Kohlbrecher11] sec. IV-A: Bresenham lines from the sensor's cell to the cell of the end point,
+    which stays occupied if another beam passes it. points (2, >= n) [m] in the base frame; `number`
+    counts the insertions from 1. A beam that leaves the grid is skipped.
     """
     height, width = level.p.shape
     mark = 2 * number
@@ -118,21 +118,21 @@ def insert(
         bx = math.floor((pose.x + c * x - s * y - level.x0) * scale + 0.5)
         by = math.floor((pose.y + s * x + c * y - level.y0) * scale + 0.5)
         if bx == last_x and by == last_y:
-            continue  # the same line as the beam before: nothing new
+            continue  # the same line of cells as that of the beam before
         last_x, last_y = bx, by
         if (bx == ax and by == ay) or not (0 <= bx < width and 0 <= by < height):
             continue
         dx, dy = abs(bx - ax), abs(by - ay)
         sx, sy = (1 if bx > ax else -1), (1 if by > ay else -1)
         steep = dy > dx
-        far, near = (dy, dx) if steep else (dx, dy)
-        ix, iy, error = ax, ay, far // 2
-        for _ in range(far):
+        major, minor = (dy, dx) if steep else (dx, dy)
+        ix, iy, error = ax, ay, major // 2
+        for _ in range(major):
             mark_free(level, np.uint64(ix), np.uint64(iy), mark, update)
-            error += near
-            aside = error >= far
-            if aside:
-                error -= far
-            ix += sx if aside or not steep else 0
-            iy += sy if aside or steep else 0
+            error += minor
+            diagonal = error >= major
+            if diagonal:
+                error -= major
+            ix += sx if diagonal or not steep else 0
+            iy += sy if diagonal or steep else 0
         mark_occupied(level, np.uint64(bx), np.uint64(by), mark, update)

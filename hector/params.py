@@ -6,19 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from hector.ros import ROS as ROS_NAMES
+from hector.ros import CODE, LAUNCH, ROS_NAMES
 from slams.frontend.params import FrontendParams
 from slams.grid_bounds import max_cells
 from slams.params import RosNames, param
 from slams.refine.params import RefineParams
 
-LAUNCH = "original code, mapping_default.launch"
-CODE = "original code"
-
 
 @dataclass(frozen=True)
 class HectorParams(RefineParams, FrontendParams):
-    """Parameters of the default, `Hector`; the published program has its own."""
+    """Parameters of the default, `Hector`."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
@@ -39,7 +36,7 @@ class HectorParams(RefineParams, FrontendParams):
         3,
         "1",
         "grids of the pyramid, each twice as coarse as the one before",
-        source="ours: the launch file has 2; 3 widen the basin at 5 Hz",
+        source="ours: the launch file has 2; 3 converge from farther, at 5 Hz",
         low=1,
         high=6,
         ros=("map_multi_res_levels",),
@@ -47,7 +44,7 @@ class HectorParams(RefineParams, FrontendParams):
     free: float = param(
         0.4,
         "1",
-        "probability of occupied that a passing beam states",
+        "probability of occupied in a cell that a beam passes",
         source=LAUNCH,
         low=0.01,
         high=0.49,
@@ -56,26 +53,26 @@ class HectorParams(RefineParams, FrontendParams):
     occupied: float = param(
         0.9,
         "1",
-        "probability of occupied that a beam's end states",
+        "probability of occupied in a cell that a beam ends in",
         source=LAUNCH,
         low=0.51,
         high=0.99,
         ros=("map_update_factor_occupied", "update_factor_occupied"),
     )
-    ceiling: float = param(50.0, "1", "log-odds above which none are added", source=CODE, low=1.0)
+    ceiling: float = param(50.0, "1", "log-odds above which nothing is added", source=CODE, low=1.0)
     insert_distance: float = param(
         0.25,
         "m",
-        "way since the last scan that entered the map",
-        source="ours: sub-cell means gain from more views",
+        "distance since the last scan that entered the map",
+        source="ours: more views make the lines in cells more exact",
         low=0.0,
         ros=("map_update_distance_thresh",),
     )
     insert_angle: float = param(
         0.25,
         "rad",
-        "turn since the last scan that entered the map",
-        source="ours: sub-cell means gain from more views",
+        "rotation since the last scan that entered the map",
+        source="ours: more views make the lines in cells more exact",
         low=0.0,
         ros=("map_update_angle_thresh",),
     )
@@ -83,14 +80,14 @@ class HectorParams(RefineParams, FrontendParams):
         10,
         "1",
         "scans at the start that all enter the map",
-        source="ours: or the first scan's noise stays in every later pose; noise averages by scans",
+        source="ours: the noise of one scan alone would stay in every later pose",
         low=1,
         high=10_000,
     )
     min_range: float = param(
         0.1,
         "m",
-        "nearer ends are not used",
+        "nearer end points are not used",
         source="ours: the laser's own",
         low=0.0,
         ros=("laser_min_dist",),
@@ -98,7 +95,7 @@ class HectorParams(RefineParams, FrontendParams):
     max_range: float = param(
         80.0,
         "m",
-        "farther ends are not used",
+        "farther end points are not used",
         source="ours: a SICK LMS; 30 in the original",
         low=0.5,
         ros=("laser_max_dist",),
@@ -107,7 +104,7 @@ class HectorParams(RefineParams, FrontendParams):
     steps: int = param(
         12,
         "1",
-        "Gauss-Newton steps on each level, at most",
+        "maximum number of Gauss-Newton steps on each level",
         source="ours: until converged; 4 and 6 in the original",
         low=1,
         high=100,
@@ -116,10 +113,10 @@ class HectorParams(RefineParams, FrontendParams):
         1e-3,
         "1",
         "share of H's diagonal added to it",
-        source="ours: Levenberg, safe in corridors",
+        source="ours: Levenberg; bounds the steps in corridors",
         low=0.0,
     )
     max_shift: float = param(
-        0.3, "m", "longest step", source="ours: the original has no limit", low=0.001
+        0.3, "m", "maximum length of one step", source="ours: the original has no limit", low=0.001
     )
-    max_turn: float = param(0.2, "rad", "largest turn of one step", source=CODE, low=0.001)
+    max_turn: float = param(0.2, "rad", "maximum rotation of one step", source=CODE, low=0.001)

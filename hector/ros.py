@@ -1,10 +1,13 @@
-"""What the parameters of hector_mapping mean here; the mapped names stand at the fields."""
+"""Names of hector_mapping's parameters that no field has, and where its values come from."""
 
 import dataclasses
 
 from slams.params import RosNames
 
-ORIGINAL = RosNames(
+CODE = "original code"
+LAUNCH = "original code, mapping_default.launch"
+
+ORIGINAL_ROS_NAMES = RosNames(
     package="hector_mapping",
     nodes=("hector_mapping", "hector_slam", "hector_mapping_node"),
     words={"use_tf_pose_start_estimate": {"true": "auto", "1": "auto", "false": None, "0": None}},
@@ -15,7 +18,7 @@ ORIGINAL = RosNames(
         "laser_z_min_value": "a log is planar",
         "laser_z_max_value": "a log is planar",
         "output_timing": "the summary has the times",
-        "pub_drawings": "--mcap has what to draw",
+        "pub_drawings": "--mcap writes scans, poses and maps",
     },
     refused={
         "map_with_known_poses": ("false", "there is no mapping without matching"),
@@ -27,12 +30,12 @@ ORIGINAL = RosNames(
         "map_update_angle_thresh": 0.9,
     },
 )
-ROS = dataclasses.replace(
-    ORIGINAL,
+ROS_NAMES = dataclasses.replace(
+    ORIGINAL_ROS_NAMES,
     words={},
     original_only={
         "map_size": "the map grows as needed",
-        "use_tf_pose_start_estimate": "wheels, gyro and velocity are fused, each where it is",
+        "use_tf_pose_start_estimate": "wheels, gyro and velocity are fused where a scan has them",
     },
     defaults={},
 )

@@ -1,17 +1,17 @@
-"""Hector SLAM: scan matching by gradient on a pyramid of occupancy grids.
+"""Hector SLAM: gradient scan matching on a pyramid of occupancy grids.
 
 [Kohlbrecher11] S. Kohlbrecher, O. von Stryk, J. Meyer, U. Klingauf: A Flexible and Scalable SLAM
 System with Full 3D Motion Estimation. IEEE SSRR 2011. Per scan:
 
-1. Predict the pose; ours: with a covariance, from wheels, gyro and the motion so far.
-2. End points of the beams in the base frame (sec. IV-A); ours: freed from the motion of a sweep.
+1. Predict the pose; ours: with a covariance, from wheels, gyro and the last twist.
+2. End points of the beams in the base frame (sec. IV-A); ours: deskewed.
 3. Scan matching (sec. IV-B): Gauss-Newton on the occupancy, coarse to fine (sec. IV-C).
-4. ours: Gauss-Newton on the lines inside the finest cells, from there and from the prediction.
-5. Take the match; ours: decide between these, those of a search, and the prediction.
+4. ours: Gauss-Newton on the lines inside the finest cells, from the results of 1 and of 3.
+5. Take the match; ours: choose among these matches, those of a search, and the prediction.
 6. If the robot has moved, insert the scan into every level (sec. IV-A).
 
-What is ours is `slams.frontend` and `slams.refine`. `hector@paper` leaves out both; the published
-program, `hector@original`, stands in `original`.
+What is ours in steps 1, 4 and 5 is in `slams.frontend` and `slams.refine`; `hector@paper` leaves
+it out. The published program, `hector@original`, is in `hector/original`.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
 
 class Hector(HasEstimator):
-    """Gradient map matching on a grid pyramid; see the module for the steps.
+    """Gradient scan matching on a grid pyramid; the module lists the steps.
 
-    `frozen`: nothing enters the map.
+    While `frozen` is set, no scan enters the map.
     """
 
     Params: ClassVar[type[Params]] = HectorParams
@@ -53,57 +53,57 @@ class Hector(HasEstimator):
         """Match the scan to the map, insert it if due; return T_map_base."""
         prior = self._estimator.predict(scan)  # 1.
         points = self._scan.read(scan, prior.twist)  # 2.
-        matches = self._match(points, prior.pose, prior)
-        if points.has_sweep:  # 2. again, with the motion that was found
+        matches = self._match(points, prior.pose, prior)  # 3. and 4.
+        if points.has_sweep:  # 2. to 4. again, with the twist of the match
             points = self._scan.read(scan, self._estimator.twist_at(matches[0].pose))
             matches = self._match(points, prior.pose, prior)
         pose = self._estimator.decide(points, matches, self._map, self._match)  # 5.
-        self._learn(points)
+        self._learn_from_match(points)
         quality, mount = self._estimator.quality, scan.laser.mount
         if self._estimator.may_map and self._keyframes.due(pose, quality, mount):
             self._insert(points, pose)  # 6.
         return points.at_stamp(pose)
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
-        """Let a scan enter the map at a known pose, without matching."""
+        """Insert a scan into the map at a known pose, without matching."""
         self._estimator.place(scan, pose)
         self._insert(self._scan.read(scan, IDENTITY), pose)
 
     def adopt(self, other: Hector, pose: Pose2) -> None:
-        """Go on in the map of another instance, at `pose` in it, moving as before."""
+        """Continue in the map of another instance, at `pose` in it, with the present twist."""
         self._map, self._keyframes = other._map, other._keyframes
         self._estimator.correct(pose)
 
     def map(self) -> OccupancyGrid:
-        """The finest level as probabilities."""
+        """The finest level as probabilities of occupied."""
         return self._map.grid()
 
     def snapshot(self) -> Callable[[], OccupancyGrid]:
-        """A function that draws the map as it stands now, while updates go on."""
+        """A function that returns the map of now, also after later updates."""
         return self._map.snapshot()
 
     def report(self) -> dict[str, Any]:
-        """Counts of scans.
+        """Numbers of scans.
 
-        `posed` by the pyramid, `kept` where the pose within a cell of that was taken, `refined` by
-        the lines, `inserted`; those of the estimator and of the map's bounds.
+        `posed`: matched by the pyramid; `kept`: the pose is within a cell of that match; `refined`:
+        matched by the lines; `inserted` into the map; those of the estimator and the grid bounds.
         """
-        counts = self._counts | self._estimator.counts | self._map.extent.counts
+        counts = self._counts | self._estimator.counts | self._map.bounds.counts
         return counts | self._scan.counts
 
     def _match(self, points: EndPoints, start: Pose2, prior: Prediction) -> list[Match]:
-        """Steps 3 and 4 from a start."""
+        """Matches of steps 3 and 4 from a start."""
         if self._map.empty or points.n == 0:
             return [Match(start)]
-        expected = Prior(prior.pose, prior.information)
-        coarse = self._map.climb(points, start, expected)  # 3.
-        found = [coarse]
+        pose_prior = Prior(prior.pose, prior.information)
+        coarse = self._map.climb(points, start, pose_prior)  # 3.
+        matches = [coarse]
         if self.params.refine:
-            found = self._map.lines.refine(points, start, coarse.pose, expected)  # 4.
-        return [match._replace(coarse=coarse.pose) for match in found]
+            matches = self._map.lines.refine(points, start, coarse.pose, pose_prior)  # 4.
+        return [match._replace(coarse=coarse.pose) for match in matches]
 
-    def _learn(self, points: EndPoints) -> None:
-        """Count how the match that was taken came about; its residuals are usual from now on."""
+    def _learn_from_match(self, points: EndPoints) -> None:
+        """Update the residual variance of the lines and the counts by the match that was taken."""
         match = self._estimator.match
         if match is None or match.coarse is None:
             return
@@ -115,6 +115,7 @@ class Hector(HasEstimator):
         self._counts["refined"] += match.coarse != match.pose
 
     def _insert(self, points: EndPoints, pose: Pose2) -> None:
+        """Insert the scan into the map, unless the map is frozen."""
         if self.frozen or points.n == 0:
             return
         self._counts["inserted"] += self._map.insert(points, pose)

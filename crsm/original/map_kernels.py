@@ -1,4 +1,4 @@
-"""The map of bytes, 0 (wall) .. 127 (unknown) .. 255 (free), in scalar loops."""
+"""Kernels of the byte map: 0 wall, 127 unknown, 255 free."""
 
 from __future__ import annotations
 
@@ -9,37 +9,36 @@ import numpy as np
 
 from slams.jit import njit
 
-UNKNOWN = 127
-
-BORDER = 50  # cells at the rim of the map that are neither scored nor drawn
+UNKNOWN_VALUE = 127  # gray level
+BORDER_CELLS = 50  # cells along the edges of the map that are neither scored nor drawn
 
 
 @njit
-def reach(d: Any, directions: Any, pose: Any, shape: Any, cell: float, out_grow: Any) -> None:
+def missing_cells(d: Any, directions: Any, pose: Any, shape: Any, cell: float, out: Any) -> None:
     """[Tsardoulias13] code: cells to add (left, right, low, high) so that every end point fits.
 
     d (n,) [m]; directions (n, 2) in the map; pose (x, y) cells from the corner; shape (ny, nx).
     """
-    out_grow[:] = 0
+    out[:] = 0
     for i in range(d.shape[0]):
         for axis in range(2):
             size = shape[1 - axis]
             at = d[i] / cell * directions[i, axis] + pose[axis] + 3.0
-            if at < BORDER and abs(at) > out_grow[2 * axis]:
-                out_grow[2 * axis] = int(abs(at) + 100.0)
-            if at >= size - BORDER and abs(at - size) > out_grow[2 * axis + 1]:
-                out_grow[2 * axis + 1] = int(abs(at - size) + 100.0)
+            if at < BORDER_CELLS and abs(at) > out[2 * axis]:
+                out[2 * axis] = int(abs(at) + 100.0)
+            if at >= size - BORDER_CELLS and abs(at - size) > out[2 * axis + 1]:
+                out[2 * axis + 1] = int(abs(at - size) + 100.0)
 
 
 @njit
 def intensity_tables(intensity: float, free: float, hit: float, out_tables: Any) -> None:
-    """[Tsardoulias13] code: new value of a byte after free, hit, and free then hit; (3, 256).
+    """[Tsardoulias13] code: new gray level after free, hit, and free then hit; (3, 256).
 
-    intensity 0 to 1; free, hit gray levels at 1. The step shrinks towards black and white; the
-    value is cut to int, and the step is of single precision: 127 - 24 is 102 then, not 103.
+    intensity 0 to 1; free, hit are gray levels at intensity 1. Steps get smaller towards black and
+    white. They have single precision and the result is truncated: 127 - 24 is 102, not 103.
     """
     for v in range(256):
-        shrunk = 1.0 - math.sqrt(abs(v - UNKNOWN) / 128.0)
+        shrunk = 1.0 - math.sqrt(abs(v - UNKNOWN_VALUE) / 128.0)
         step = np.float32(shrunk * np.float32(intensity))
         freed = int(v + step * free)
         out_tables[0, v] = min(255, freed)
@@ -49,9 +48,9 @@ def intensity_tables(intensity: float, free: float, hit: float, out_tables: Any)
 
 @njit
 def is_repeated(ends: Any, d: Any, i: int, increment: float) -> bool:
-    """[Tsardoulias13] code: an earlier beam of the scan ends in the same cell."""
+    """[Tsardoulias13] code: whether an earlier beam of the scan ends in the same cell."""
     radius = math.hypot(ends[i, 0], ends[i, 1])
-    # end points in one cell, twice as wide on the axes, are no further apart than this
+    # maximum number of beams between end points in one cell, which on the axes is twice as wide
     near = int(3.0 / max(radius, 1.0) / abs(increment)) + 1
     for j in range(max(0, i - near), i):
         if d[j] != 0.0 and ends[j, 0] == ends[i, 0] and ends[j, 1] == ends[i, 1]:
@@ -70,7 +69,7 @@ def draw(
     tables: Any,
     out: Any,
 ) -> None:
-    """[Tsardoulias13] code, map update: every beam whitens its way and blackens its last two cells.
+    """[Tsardoulias13] code, map update: a beam lightens its cells and darkens the last two.
 
     d (n,) [m]; directions (n, 2) in the map; pose (x, y) cells from the corner; out (ny, nx) uint8.
     """
@@ -83,7 +82,7 @@ def draw(
         for r in range(0 if first else 1, length + 1):
             ix = int(r * directions[i, 0] + pose[0])
             iy = int(r * directions[i, 1] + pose[1])
-            if ix < BORDER or iy < BORDER or ix >= nx - BORDER or iy >= ny - BORDER:
+            if min(ix, iy) < BORDER_CELLS or max(ix - nx, iy - ny) >= -BORDER_CELLS:
                 break
             kind = 0 if r < length - 1 else (2 if r < length else 1)
             out[iy, ix] = tables[kind, out[iy, ix]]

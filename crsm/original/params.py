@@ -6,19 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from crsm.ros import ORIGINAL
+from crsm.ros import CODE, ORIGINAL_ROS_NAMES
 from slams.grid_bounds import max_cells
 from slams.params import Params, RosNames, param
-
-CODE = "original code"
 
 
 @dataclass(frozen=True)
 class OriginalParams(Params):
     """crsm_slam's own parameters and values."""
 
-    ROS: ClassVar[RosNames | None] = ORIGINAL
-    # At 5 Hz the 40 scans at rest are 8 s: a robot that moves by then is lost by a meter.
+    ROS: ClassVar[RosNames | None] = ORIGINAL_ROS_NAMES
+    # At 5 Hz the 40 scans at rest are 8 s: if the robot moves by then, the error is a meter.
     SENSORS: ClassVar[Mapping[str, Mapping[str, Any]]] = {
         laser: {"hold": 4} for laser in ("rplidar-a1", "lds01", "lds02")
     }
@@ -35,7 +33,7 @@ class OriginalParams(Params):
     density: float = param(
         40.0,
         "1",
-        "map update of free cells: gray levels per meter of mean range difference",
+        "update of a free cell: gray levels per meter of mean range difference",
         source=CODE,
         low=0.0,
         ros=("map_update_density",),
@@ -43,7 +41,7 @@ class OriginalParams(Params):
     obstacle_density: float = param(
         3.0,
         "1",
-        "how much stronger a hit is drawn than a free cell",
+        "update of a hit, as a multiple of that of a free cell",
         source=CODE,
         low=0.0,
         ros=("map_update_obstacle_density",),
@@ -61,7 +59,7 @@ class OriginalParams(Params):
     disparity: int = param(
         40,
         "cell",
-        "width of the search",
+        "edge of the search window",
         source=CODE,
         low=8,
         high=1000,
@@ -70,7 +68,7 @@ class OriginalParams(Params):
     iterations: int = param(
         40000,
         "1",
-        "tries per scan",
+        "evaluated poses per scan",
         source=CODE,
         low=0,
         high=1_000_000,
@@ -79,7 +77,7 @@ class OriginalParams(Params):
     picked_rays: int = param(
         40,
         "1",
-        "set point of the ray picker",
+        "desired number of picked rays",
         source=CODE,
         low=1,
         high=10_000,
@@ -88,7 +86,7 @@ class OriginalParams(Params):
     jump: float = param(
         0.3,
         "m",
-        "a larger range difference is a discontinuity",
+        "minimum range difference of a discontinuity",
         source=CODE,
         low=0.0,
         ros=("scan_density_lower_boundary",),
@@ -97,8 +95,8 @@ class OriginalParams(Params):
         40, "1", "scans during which the pose stays at the start", source=CODE, low=0, high=10_000
     )
     robot_width: float = param(
-        0.6, "m", "free patch at the start", source=CODE, low=0.0, high=2.0, ros=("robot_width",)
+        0.6, "m", "free area at the start", source=CODE, low=0.0, high=2.0, ros=("robot_width",)
     )
     robot_length: float = param(
-        0.75, "m", "free patch at the start", source=CODE, low=0.0, high=2.0, ros=("robot_length",)
+        0.75, "m", "free area at the start", source=CODE, low=0.0, high=2.0, ros=("robot_length",)
     )

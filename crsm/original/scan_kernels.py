@@ -1,4 +1,4 @@
-"""Cleaning of a scan and choice of its critical rays, in scalar loops."""
+"""Kernels of the scan: valid ranges, and choice of the critical rays."""
 
 from __future__ import annotations
 
@@ -12,23 +12,24 @@ from slams.jit import njit
 
 @njit
 def clean(ranges: Any, directions: Any, limits: Any, out_d: Any, out_ends: Any) -> None:
-    """[Tsardoulias13] code: ranges d (n,) [m] with 0 for no data, end cells (n, 2) cut to int.
+    """[Tsardoulias13] code: ranges d (n,) [m], 0 without data, and truncated end cells (n, 2).
 
-    limits (least range [m], range_max [m], cell [m])
+    limits (minimum range [m], range_max [m], cell [m])
     """
     for i in range(ranges.shape[0]):
         r = ranges[i]
         out_d[i] = r if limits[0] <= r <= limits[1] else 0.0
-        # towards the sensor's axes, as a C cast does
+        # truncation towards 0, as a cast in C
         out_ends[i, 0] = int(out_d[i] / limits[2] * directions[i, 0])
         out_ends[i, 1] = int(out_d[i] / limits[2] * directions[i, 1])
 
 
 @njit
 def range_changes(d: Any, jump: float, far: float, out_picked: Any) -> tuple[float, float]:
-    """[Tsardoulias13] "big changes": marks (n,) both sides of range jumps and the scan's ends.
+    """[Tsardoulias13] "big changes": pick both sides of range jumps, and the first and last beam.
 
-    jump, far [m]. Returns (mean difference of neighbors, longest range) [m].
+    jump [m]; no ray of `far` [m] or more is picked; out_picked (n,). Returns the mean difference of
+    neighboring ranges and the longest range [m].
     """
     n = d.shape[0]
     total, longest = 0.0, 0.0
@@ -56,10 +57,10 @@ def range_changes(d: Any, jump: float, far: float, out_picked: Any) -> tuple[flo
 
 
 @njit
-def picked_between(d: Any, level: float, far: float, longest: float, picked: Any) -> int:
-    """[Tsardoulias13] controlled density: adds rays where the range has changed enough.
+def pick_between(d: Any, level: float, far: float, longest: float, picked: Any) -> int:
+    """[Tsardoulias13] controlled density: pick a ray wherever the range has changed enough.
 
-    picked (n,) marks the jumps on entry, the rays after; far, longest [m]. Returns the count.
+    picked (n,) has the jumps, and then all rays; far, longest [m]. Returns the number added.
     """
     n = d.shape[0]
     count = 0
@@ -86,7 +87,7 @@ def picked_between(d: Any, level: float, far: float, longest: float, picked: Any
 
 @njit
 def fill_gaps(gap: int, picked: Any) -> None:
-    """[Tsardoulias13] gap filling: halves every gap of more than `gap` rays until none is left."""
+    """[Tsardoulias13] gap filling: halve every gap of more than `gap` beams until none is left."""
     n = picked.shape[0]
     s = -1
     for e in range(n):
@@ -116,7 +117,7 @@ def _halve(s: int, e: int, gap: int, picked: Any) -> None:
 
 @njit
 def selected(d: Any, longest_valid: float, picked: Any, ends: Any, out_ends: Any) -> int:
-    """[Tsardoulias13] code: end cells (k, 2) float32 of the marked rays that hit; returns k."""
+    """[Tsardoulias13] code: end cells (k, 2) float32 of the picked rays with a hit; returns k."""
     k = 0
     for i in range(d.shape[0]):
         if picked[i] and d[i] != 0.0 and d[i] != longest_valid:

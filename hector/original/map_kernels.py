@@ -1,7 +1,7 @@
 """Kernels of the occupancy pyramid: map update.
 
-Coordinates of a level are real numbers in cells; the integer i is the CENTER of cell i, so that
-map = (world - first) / resolution with `first` the center of cell [0, 0].
+Coordinates of a level are real numbers in cells, and the integer i is the CENTER of cell i:
+cell = (world - first) / resolution, with `first` the center of cell [0, 0].
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from slams.types import Pose2
 class Level(NamedTuple):
     """One grid of the pyramid; arrays are indexed [iy, ix].
 
-    `log_odds` 0 = never observed; `p` its probability as the matcher reads it; `stamp` the last
-    scan that touched a cell, times 2, plus 1 where it was hit; x0, y0 [m] the center of cell
-    [0, 0]; `resolution` [m].
+    `log_odds` is 0 where nothing was observed; `p` the probability that the matcher reads; `stamp`
+    twice the number of the last scan that changed a cell, plus 1 if a beam ended in it; x0, y0 [m]
+    the center of cell [0, 0]; `resolution` the edge of a cell [m].
     """
 
     log_odds: NDArray[np.float32]
@@ -34,7 +34,7 @@ class Level(NamedTuple):
 
 
 class Update(NamedTuple):
-    """Log-odds added to free and to occupied cells, the ceiling above which none is added."""
+    """Log-odds added to free and to occupied cells; above the `ceiling` nothing is added."""
 
     free: float
     occupied: float
@@ -43,7 +43,7 @@ class Update(NamedTuple):
 
 @njit(inner=True)
 def mark_free(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Update) -> None:
-    """A beam passed cell [v, u], once per scan: inverse sensor model, [Kohlbrecher11] sec. IV-A."""
+    """Update cell [v, u] as free, once per scan: [Kohlbrecher11] sec. IV-A."""
     if level.stamp[v, u] < mark:
         level.log_odds[v, u] += update.free
         level.stamp[v, u] = mark
@@ -52,9 +52,9 @@ def mark_free(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Updat
 
 @njit(inner=True)
 def mark_occupied(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Update) -> None:
-    """A beam ended in cell [v, u], once per scan: [Kohlbrecher11] sec. IV-A.
+    """Update cell [v, u] as occupied, once per scan: [Kohlbrecher11] sec. IV-A.
 
-    Takes back a free mark of the same scan.
+    The free update of the same scan is undone.
     """
     if level.stamp[v, u] > mark:
         return
@@ -68,7 +68,7 @@ def mark_occupied(level: Level, u: np.uint64, v: np.uint64, mark: int, update: U
 
 @njit(inner=True)
 def probability(log_odds: float) -> float:
-    """Probability as the matcher reads it, p = e^l / (1 + e^l). Original code: unknown is 1/2."""
+    """Probability for the matcher, p = e^l / (1 + e^l). Original code: unknown is 1/2."""
     return 1.0 / (1.0 + math.exp(-log_odds))
 
 
@@ -82,10 +82,11 @@ def insert(
     number: int,
     update: Update,
 ) -> None:
-    """Update one level with a scan: free along each beam, occupied at its end, the end wins.
+    """Update one level with a scan: free along each beam, occupied at its end point.
 
-    [Kohlbrecher11] sec. IV-A: Bresenham lines from the sensor's cell up to the end's. `number`
-    counts the insertions from 1; a beam that leaves the grid is skipped whole.
+    [Kohlbrecher11] sec. IV-A: Bresenham lines from the sensor's cell to the cell of the end point,
+    which stays occupied if another beam passes it. points (2, >= n) [m] in the base frame; `number`
+    counts the insertions from 1. A beam that leaves the grid is skipped.
     """
     height, width = level.p.shape
     mark = 2 * number
@@ -101,21 +102,21 @@ def insert(
         bx = math.floor((pose.x + c * x - s * y - level.x0) * scale + 0.5)
         by = math.floor((pose.y + s * x + c * y - level.y0) * scale + 0.5)
         if bx == last_x and by == last_y:
-            continue  # the same line as the beam before: nothing new
+            continue  # the same line of cells as that of the beam before
         last_x, last_y = bx, by
         if (bx == ax and by == ay) or not (0 <= bx < width and 0 <= by < height):
             continue
         dx, dy = abs(bx - ax), abs(by - ay)
         sx, sy = (1 if bx > ax else -1), (1 if by > ay else -1)
         steep = dy > dx
-        far, near = (dy, dx) if steep else (dx, dy)
-        ix, iy, error = ax, ay, far // 2
-        for _ in range(far):
+        major, minor = (dy, dx) if steep else (dx, dy)
+        ix, iy, error = ax, ay, major // 2
+        for _ in range(major):
             mark_free(level, np.uint64(ix), np.uint64(iy), mark, update)
-            error += near
-            aside = error >= far
-            if aside:
-                error -= far
-            ix += sx if aside or not steep else 0
-            iy += sy if aside or steep else 0
+            error += minor
+            diagonal = error >= major
+            if diagonal:
+                error -= major
+            ix += sx if diagonal or not steep else 0
+            iy += sy if diagonal or steep else 0
         mark_occupied(level, np.uint64(bx), np.uint64(by), mark, update)

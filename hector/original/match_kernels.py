@@ -1,4 +1,4 @@
-"""Kernels of map matching: Gauss-Newton with a fixed number of steps."""
+"""Kernels of scan matching: Gauss-Newton with a fixed number of steps."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from slams.types import Floats, Pose2
 
 @njit(inner=True)
 def interpolate(p: NDArray[np.float32], x: float, y: float) -> tuple[float, float, float]:
-    """Map value and gradient at (x, y) [cells]: [Kohlbrecher11] eq. 4-6; outside of the map 0.
+    """Map value M and its gradient at (x, y) [cells]: [Kohlbrecher11] eq. 4-6; 0 off the map.
 
-    Original code: the gradient has the interpolation weights of x and y exchanged.
+    Original code: the interpolation weights of x and y are exchanged in the gradient.
     """
     height, width = p.shape
     if not (x >= 0.0 and x <= width - 2 and y >= 0.0 and y <= height - 2):
@@ -36,9 +36,9 @@ def interpolate(p: NDArray[np.float32], x: float, y: float) -> tuple[float, floa
 def normal_equations(
     level: Level, points: Points, n: int, pose: Pose2, H: Floats, b: Floats
 ) -> None:
-    """Sums of one linearization: [Kohlbrecher11] eq. 7-13.
+    """H and b of one linearization of the residuals 1 - M: [Kohlbrecher11] eq. 7-13.
 
-    points (2, >= n) m in the base frame; H (3, 3) and b (3,) in meters and radians.
+    points (2, >= n) [m] in the base frame; H (3, 3) and b (3,) in meters and radians.
     """
     scale = 1.0 / level.resolution
     c, s = math.cos(pose.theta) * scale, math.sin(pose.theta) * scale
@@ -68,11 +68,11 @@ def normal_equations(
 
 @njit
 def gauss_newton(
-    level: Level, points: Points, n: int, start: Pose2, steps: int, max_turn: float
+    level: Level, points: Points, n: int, start: Pose2, steps: int, max_rotation: float
 ) -> Pose2:
     """Match end points to one level: steps of [Kohlbrecher11] eq. 12 from `start`.
 
-    Original code: all of the steps, undamped, limited in angle [rad] only.
+    Original code: a fixed number of steps without damping, limited in rotation [rad] only.
     """
     x, y, theta = start
     H, b, step = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
@@ -81,5 +81,5 @@ def gauss_newton(
         if not solve3(H, b, step):
             break
         x, y = x + step[0], y + step[1]
-        theta += max(-max_turn, min(max_turn, step[2]))
+        theta += max(-max_rotation, min(max_rotation, step[2]))
     return Pose2(x, y, theta)

@@ -15,7 +15,7 @@ from slams.types import Attitude, Laser, Pose2, Scan
 
 
 class EndPoints:
-    """Buffers for the scans of one laser: `points` (3, >= n), x, y [m], number of the beam."""
+    """Buffers for the scans of one laser: `points` (3, >= n) has x, y [m], number of the beam."""
 
     def __init__(self, params: OriginalParams, laser: Laser) -> None:
         self.laser = laser
@@ -26,7 +26,7 @@ class EndPoints:
         self.points = np.zeros((3, laser.n_beams))
 
     def read(self, scan: Scan, velocity: Pose2) -> None:
-        """Read a scan; `velocity` of the base [m/s, rad/s] counts where a sweep is taken out."""
+        """Read a scan; `velocity` of the base [m/s, rad/s] is used where scans are deskewed."""
         laser = self.laser
         self.n = kernels.end_points(
             scan.ranges, laser.directions, laser.mount, self._limits, self.points
@@ -38,7 +38,7 @@ class EndPoints:
             kernels.deskew(self.points, self.n, twist)
 
     def _level(self, attitude: Attitude) -> None:
-        """As the node's transform to its stabilized frame; it knows no floor."""
+        """Level the points as the node's stabilized frame does, without a check for the floor."""
         floor = floor_of(self.laser)._replace(below=math.inf)
-        how = attitude.rotation(), np.zeros((3, 3)), 0.0, floor
-        self.n, _ = level(self.points, self.n, *how, self.points, np.zeros(4))
+        tilt = attitude.rotation(), np.zeros((3, 3)), 0.0, floor
+        self.n, _ = level(self.points, self.n, *tilt, self.points, np.zeros(4))

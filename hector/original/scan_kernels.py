@@ -1,4 +1,4 @@
-"""Kernels of the scan: end points, and what a turning laser needs."""
+"""Kernels of the scan: end points and their deskewing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Points = NDArray[np.float64]
 
 
 class Limits(NamedTuple):
-    """Which end points are used: distances [m] and whether a body filter hides near ones behind."""
+    """Ranges [m] that are used: from `near` to `far`, behind the laser from `body`."""
 
     near: float
     far: float
@@ -23,11 +23,11 @@ class Limits(NamedTuple):
 
 
 class Twist(NamedTuple):
-    """Motion of the base during a sweep: velocity vx, vy [m/s], turn [rad/s], s per beam."""
+    """Motion of the base during a sweep: vx, vy [m/s], rotation rate [rad/s], time per beam [s]."""
 
     vx: float
     vy: float
-    turn: float
+    rate: float
     time_increment: float
 
 
@@ -35,10 +35,10 @@ class Twist(NamedTuple):
 def end_points(
     ranges: Ranges, directions: Floats, mount: Pose2, limits: Limits, out: Points
 ) -> int:
-    """End points in the base frame and the beams they are of; returns how many.
+    """End points in the base frame: [Kohlbrecher11] sec. IV-A; returns their number.
 
-    [Kohlbrecher11] sec. IV-A, with the filters of the original node. ranges (b,) m, directions
-    (b, 2) in the laser frame, out (3, b): x, y [m], number of the beam.
+    Original code: the filters by range. ranges (b,) [m], directions (b, 2) in the laser frame,
+    out (3, b): x, y [m], number of the beam.
     """
     c, s = math.cos(mount.theta), math.sin(mount.theta)
     n = 0
@@ -59,17 +59,16 @@ def end_points(
 
 @njit
 def deskew(points: Points, n: int, twist: Twist) -> None:
-    """Bring end points to the base frame at the first beam's time, in place.
+    """Deskew: transform end points to the base frame at the time of the first beam, in place.
 
-    ours, off unless a sensor preset asks for it: the program ignores that the robot moves
-    during a sweep. points (3, >= n) of
-    `end_points`; the base moves on an arc, its chord turned by half the turn.
+    ours, only in presets of spinning lasers: the program ignores the motion during a sweep. points
+    (3, >= n) of `end_points`; the base moves on an arc, whose chord has half of the rotation.
     """
     for i in range(n):
         t = points[2, i] * twist.time_increment
-        turn = twist.turn * t
-        c, s = math.cos(turn), math.sin(turn)
-        ch, sh = math.cos(0.5 * turn), math.sin(0.5 * turn)
+        rotation = twist.rate * t
+        c, s = math.cos(rotation), math.sin(rotation)
+        ch, sh = math.cos(0.5 * rotation), math.sin(0.5 * rotation)
         x, y, vx, vy = points[0, i], points[1, i], twist.vx * t, twist.vy * t
         points[0, i] = c * x - s * y + ch * vx - sh * vy
         points[1, i] = s * x + c * y + sh * vx + ch * vy

@@ -4,8 +4,8 @@
 System with Full 3D Motion Estimation. IEEE SSRR 2011. Per scan:
 
 1. End points of the beams in the base frame (sec. IV-A).
-2. Scan matching (sec. IV-B) from the last pose: Gauss-Newton, coarse to fine (sec. IV-C); whatever
-   comes out is the pose.
+2. Scan matching (sec. IV-B) from the last pose: Gauss-Newton, coarse to fine (sec. IV-C). The
+   result is the pose, without a check.
 3. If the robot has moved, insert the scan into every level (sec. IV-A).
 """
 
@@ -36,17 +36,17 @@ class Original:
         self._counts = {"empty": 0, "inserted": 0}
 
     def update(self, scan: Scan) -> Pose2:
-        """Match the scan to the map, let it enter the map if due; return T_map_base."""
+        """Match the scan to the map, insert it if due; return T_map_base."""
         points = self._points_of(scan)
-        pose = self._motion.predict(self._pose, scan)  # the last pose, unless a preset says more
+        pose = self._motion.predict(self._pose, scan)  # the last pose by default
         points.read(scan, self._motion.velocity)  # 1.
         self._counts["empty"] += points.n == 0
-        pose = self._matched(points, pose)  # 2.
+        pose = self._match(points, pose)  # 2.
         if points.has_sweep:
             points.read(scan, self._motion.velocity_to(pose))
-            pose = self._matched(points, pose)
+            pose = self._match(points, pose)
         self._pose = pose
-        self._motion.moved(pose, scan)
+        self._motion.correct(pose, scan)
         if points.n > 0 and self._due():  # 3.
             self._map.insert(points, pose)
             self._counts["inserted"] += 1
@@ -58,7 +58,7 @@ class Original:
         return self._map.occupancy()
 
     def report(self) -> dict[str, Any]:
-        """Counts of scans: empty, inserted; with odometry, with gyro."""
+        """Numbers of scans: empty, inserted, predicted by odometry and by gyro."""
         return self._counts | {"odometry": self._motion.odometry, "gyro": self._motion.gyro}
 
     def _points_of(self, scan: Scan) -> EndPoints:
@@ -67,13 +67,13 @@ class Original:
             self._points = EndPoints(self.params, scan.laser)
         return self._points
 
-    def _matched(self, points: EndPoints, start: Pose2) -> Pose2:
+    def _match(self, points: EndPoints, start: Pose2) -> Pose2:
         if self._map.insertions == 0 or points.n == 0:
             return start
         return self._map.match(points, start)
 
     def _due(self) -> bool:
-        """Far enough from the last insertion, or the first scan."""
+        """Whether the robot has moved enough since the last insertion, or nothing is inserted."""
         step = self._inserted_at.between(self._pose)
         moved = math.hypot(step.x, step.y) > self.params.insert_distance
         turned = abs(step.theta) > self.params.insert_angle

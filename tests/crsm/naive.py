@@ -101,45 +101,45 @@ def draw(grid, d, angles, pose, cell, m, rho, kappa):
     return grid
 
 
-def observe(cell, value, weight, most):
+def observe(cell, value, weight, max_weight):
     """Weighted mean [value, weight] of a cell with one more observation."""
     total = cell[1] + weight
     cell[0] += (value - cell[0]) * weight / total
-    cell[1] = min(total, most)
+    cell[1] = min(total, max_weight)
 
 
-def insert(grey, weight, strokes, pose, frame, rules):
-    """Strokes (k, 5) and their beams enter grey levels and weights (ny, nx), in place."""
+def insert(gray, weight, segments, pose, frame, rules):
+    """Add segments (k, 5) and their beams to gray levels and weights (ny, nx), in place."""
     (x0, y0), cell = frame
-    laser, free, most, width, unknown = rules
-    ny, nx = grey.shape
+    laser, free, max_weight, width, unknown = rules
+    ny, nx = gray.shape
     centers = np.stack(np.meshgrid(x0 + cell * np.arange(nx), y0 + cell * np.arange(ny)), axis=-1)
     c, s = math.cos(pose[2]), math.sin(pose[2])
     turn = np.array([[c, -s], [s, c]])
-    drawn = np.zeros(grey.shape, bool)
+    drawn = np.zeros(gray.shape, bool)
 
     def enter(j, i, value, by):
-        state = [float(grey[j, i]), float(weight[j, i])]
-        observe(state, value, by, most)
-        grey[j, i], weight[j, i] = state
+        state = [float(gray[j, i]), float(weight[j, i])]
+        observe(state, value, by, max_weight)
+        gray[j, i], weight[j, i] = state
         drawn[j, i] = True
 
-    for x, y, *normal, half in strokes:
-        off = centers - (turn @ (x, y) + pose[:2])
+    for x, y, *normal, half in segments:
+        offsets = centers - (turn @ (x, y) + pose[:2])
         if any(normal):
-            across, along = off @ (turn @ normal), off @ (turn @ (-normal[1], normal[0]))
+            across, along = offsets @ (turn @ normal), offsets @ (turn @ (-normal[1], normal[0]))
         else:
-            across, along = np.hypot(*np.moveaxis(off, -1, 0)), 0.0
+            across, along = np.hypot(*np.moveaxis(offsets, -1, 0)), 0.0
         near = (np.abs(across) <= 2.5 * width) & (np.abs(along) <= half + 0.5 * cell)
         for j, i in zip(*np.nonzero(near), strict=True):
             dark = math.exp(-0.5 * (across[j, i] / width) ** 2)
             enter(j, i, dark, dark)
     start = turn @ laser + pose[:2]
-    for x, y, *_ in strokes:
-        way = turn @ (x, y) + pose[:2] - start
-        length = math.hypot(*way)
+    for x, y, *_ in segments:
+        beam = turn @ (x, y) + pose[:2] - start
+        length = math.hypot(*beam)
         for k in range(math.floor(length / cell) - 1):
-            i, j = np.floor((start + way / length * k * cell - (x0, y0)) / cell + 0.5).astype(int)
+            i, j = np.floor((start + beam / length * k * cell - (x0, y0)) / cell + 0.5).astype(int)
             if not drawn[j, i]:
                 weight[j, i] = max(weight[j, i], unknown)
                 enter(j, i, -1.0, free)

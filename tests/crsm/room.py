@@ -11,7 +11,7 @@ LASER = laser(721)
 
 
 def Parameters(**changes):
-    """Those of a small map, all of whose cells can be looked at."""
+    """Parameters of a small map."""
     return CrsmParams(**{"max_cells": 1 << 18} | changes)
 
 
@@ -24,8 +24,8 @@ def drive(n):
 
 def mapped(n=10, **changes):
     """CRSM after a drive with a noisy laser."""
-    rng, way = np.random.default_rng(3), enumerate(drive(n))
-    scans = (scan_at(pose, LASER, noise=0.01, rng=rng, t=0.1 * i) for i, pose in way)
+    rng, poses = np.random.default_rng(3), enumerate(drive(n))
+    scans = (scan_at(pose, LASER, noise=0.01, rng=rng, t=0.1 * i) for i, pose in poses)
     return driven("crsm", scans, **changes)
 
 
@@ -34,7 +34,7 @@ def reader_of(scan):
 
 
 def noisy_view(seed=4, pose=IDENTITY):
-    """A scan with walls and lone points."""
+    """A scan with walls and isolated points."""
     scan = scan_at(pose, LASER, noise=0.01, rng=np.random.default_rng(seed))
     scan.ranges.flags.writeable = True
     scan.ranges[40:720:64] -= 0.4

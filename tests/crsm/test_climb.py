@@ -9,9 +9,16 @@ from bench.sim.degrade import degrade
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
 from crsm import match_kernels
-from crsm.map_kernels import blacken
-from crsm.match_kernels import Expected, climb, fitness, score
-from crsm.matcher import FINEST, FIRST, LONGEST, MEMORY, ROUGH, Matcher
+from crsm.map_kernels import add_walls
+from crsm.match_kernels import WeightedPrior, climb, fitness, score
+from crsm.matcher import (
+    FIRST_RESTART_STEP,
+    FIRST_STEP,
+    LAST_STEP,
+    LAST_STEP_BEFORE_LINES,
+    MEAN_FITNESS_SCANS,
+    Matcher,
+)
 from slams.frontend.motion_filter import Prediction
 from slams.jit import njit
 from slams.scan.end_points import pose_distance
@@ -20,7 +27,7 @@ from tests.crsm.room import Parameters, mapped, noisy_view
 from tests.crsm.test_map import RULE, blank, darkness_at, wall
 from tests.rooms import calls, made
 
-LOOSE = Expected(0.0, 0.0, 0.0, np.eye(3), 1e-6)
+LOOSE = WeightedPrior(0.0, 0.0, 0.0, np.eye(3), 1e-6)
 OFF = Pose2(0.33, -0.3, 0.4)
 
 
@@ -36,7 +43,7 @@ def score_at(grid, ends, prior, pose):
 
 def one_wall():
     grid, ends = blank(), wall(0.0, 1.0)
-    blacken(grid, ends, len(ends), IDENTITY, 1, tuple(RULE))
+    add_walls(grid, ends, len(ends), IDENTITY, 1, tuple(RULE))
     return grid
 
 
@@ -55,10 +62,10 @@ def test_fitness_is_the_mean_darkness_under_turned_ends():
     assert match_kernels.fitness_of(tuple(grid), turned, pose) == pytest.approx(np.mean(dark))
 
 
-def test_score_charges_for_leaving_the_prediction():
+def test_score_is_fitness_less_the_cost_of_the_prior():
     grid = one_wall()
     ends, information = np.array([[1.0, 0.0]]), np.diag([100.0, 400.0, 900.0])
-    prior = Expected(0.1, 0.2, 0.3, information, 0.5)
+    prior = WeightedPrior(0.1, 0.2, 0.3, information, 0.5)
     pose = (0.2, 0.1, 0.25)
     distance = 100 * 0.1**2 + 400 * 0.1**2 + 900 * 0.05**2
     expected = fitness_at(grid, ends, pose) - 0.5 * 3.0 * math.log1p(distance / 3.0)
@@ -69,14 +76,14 @@ def test_climb_ends_where_no_finest_step_gains():
     slam, view = mapped(), noisy_view(9)
     levels, fine = tuple(map(tuple, slam._map.levels)), slam._map.levels[0]
     start = (0.04, -0.03, 0.03)
-    (x, y, theta), fit, top = climb(levels, view.ends, tuple(LOOSE), start, 0.032, FINEST)
+    (x, y, theta), fit, top = climb(levels, view.ends, tuple(LOOSE), start, 0.032, LAST_STEP)
     assert (abs(x), abs(y), abs(theta)) < (0.02, 0.02, 0.01)
     assert fit == pytest.approx(fitness_at(fine, view.ends, (x, y, theta)))
     assert top == pytest.approx(score_at(fine, view.ends, LOOSE, (x, y, theta)))
-    for dx, dy in ((FINEST, 0.0), (-FINEST, 0.0), (0.0, FINEST), (0.0, -FINEST)):
+    for dx, dy in ((LAST_STEP, 0.0), (-LAST_STEP, 0.0), (0.0, LAST_STEP), (0.0, -LAST_STEP)):
         assert score_at(fine, view.ends, LOOSE, (x + dx, y + dy, theta)) <= top
     middle = view.ends.mean(axis=0)
-    angle = FINEST / np.sqrt(((view.ends - middle) ** 2).sum(axis=1).mean())
+    angle = LAST_STEP / np.sqrt(((view.ends - middle) ** 2).sum(axis=1).mean())
     for turn in (angle, -angle):  # about the middle of the rays
         before, after = Pose2(x, y, theta), Pose2(x, y, theta + turn)
         shift = before.transform(middle[None])[0] - after.transform(middle[None])[0]
@@ -88,14 +95,14 @@ def test_restarts_find_what_one_climb_does_not():
     slam, view = mapped(), noisy_view(9)
     matcher = Matcher(Parameters(), slam._map)
     alone = matcher.climb(view, OFF, expecting(OFF, 0.3))
-    assert matcher.restarts == 0  # nothing is usual yet
+    assert matcher.restarts == 0  # there is no mean fitness yet
     assert pose_distance(view, alone.pose, IDENTITY) > 0.2
-    for _ in range(5 * MEMORY):
+    for _ in range(5 * MEAN_FITNESS_SCANS):
         matcher.learn(view, IDENTITY)
     found = matcher.climb(view, OFF, expecting(OFF, 0.3))
     assert pose_distance(view, found.pose, IDENTITY) < 0.05
     assert 0 < matcher.restarts <= Parameters().climbs + 1
-    assert found.inlier_ratio > 0.9 * matcher.usual
+    assert found.inlier_ratio > 0.9 * matcher.mean_fitness
 
 
 def test_a_prior_counts_by_the_noise_over_the_width_of_a_wall(monkeypatch):
@@ -113,15 +120,15 @@ def test_a_fit_to_lines_follows_a_rough_climb_and_weighs_it(monkeypatch):
     rough = Matcher(Parameters(), slam._map).climb(view, IDENTITY, expecting(IDENTITY, 0.1))
     alone = Matcher(Parameters(refine=False), slam._map)
     found = alone.climb(view, IDENTITY, expecting(IDENTITY, 0.1))
-    assert [finest for *_, finest in made] == [ROUGH, FINEST]
+    assert [finest for *_, finest in made] == [LAST_STEP_BEFORE_LINES, LAST_STEP]
     assert not rough.information.any()
     seen = view.information(found.pose.theta) * found.inlier_ratio
     assert found.information == pytest.approx(seen)
 
 
 @pytest.mark.parametrize("kind", ["stall=3", "jitter=50"])
-def test_a_long_corridor_moves_on_though_wheels_say_otherwise(kind):
-    """A prior that weighs too much against few critical rays along the corridor held the robot."""
+def test_a_robot_moves_along_a_corridor_in_spite_of_stalled_wheels(kind):
+    """A prior of too much weight holds the robot: few critical rays constrain it along."""
     name, level = kind.split("=")
     log = degrade(simulate(Setting("ring", seed=102, duration=30.0)), name, float(level), 102)
     slam = made("crsm")
@@ -137,8 +144,8 @@ def test_long_steps_are_made_on_the_coarse_grid():
     slam, view = mapped(), noisy_view(9)
     levels = tuple(map(tuple, slam._map.levels))
     at = [
-        climb(levels, view.ends, tuple(LOOSE), (0.25, -0.2, 0.25), step, FINEST)[1]
-        for step in (FIRST, LONGEST)
+        climb(levels, view.ends, tuple(LOOSE), (0.25, -0.2, 0.25), step, LAST_STEP)[1]
+        for step in (FIRST_STEP, FIRST_RESTART_STEP)
     ]
     assert at[1] > at[0] + 0.1
     assert at[1] > 0.6
@@ -147,19 +154,19 @@ def test_long_steps_are_made_on_the_coarse_grid():
 def test_a_start_that_is_not_the_prediction_is_climbed_from_with_long_steps_alone(monkeypatch):
     slam, view = mapped(), noisy_view(9)
     matcher = Matcher(Parameters(), slam._map)
-    matcher.usual = 2.0  # nothing is enough
+    matcher.mean_fitness = 2.0  # no climb reaches it
     made = calls(monkeypatch, match_kernels, "climb")
     matcher.climb(view, OFF, expecting(IDENTITY, 0.3))
-    assert [step for *_, step, _ in made] == [LONGEST]
+    assert [step for *_, step, _ in made] == [FIRST_RESTART_STEP]
     assert matcher.restarts == 0
     matcher.climb(view, IDENTITY, expecting(IDENTITY, 0.3))
-    assert [step for *_, step, _ in made][1:3] == [FIRST, LONGEST]
+    assert [step for *_, step, _ in made][1:3] == [FIRST_STEP, FIRST_RESTART_STEP]
     assert made[1][3] == made[2][3] == tuple(IDENTITY)
 
 
-def test_usual_is_a_mean_over_so_many_scans():
+def test_mean_fitness_is_a_moving_average():
     slam, view = mapped(), noisy_view(9)
     matcher = Matcher(Parameters(), slam._map)
     matcher.learn(view, IDENTITY)
     fit = fitness_at(slam._map.levels[0], view.ends, (0.0, 0.0, 0.0))
-    assert matcher.usual == pytest.approx(fit / MEMORY)
+    assert matcher.mean_fitness == pytest.approx(fit / MEAN_FITNESS_SCANS)

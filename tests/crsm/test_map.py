@@ -1,14 +1,14 @@
-"""Reading a scan, and the grey map: critical rays and updates against naive twins, its growth."""
+"""Reading a scan, and the gray map: critical rays and updates against naive twins, its growth."""
 
 import math
 
 import numpy as np
 import pytest
 
-from crsm.map import GreyMap
-from crsm.map_kernels import Grid, Update, blacken, darkness, strokes, whiten
+from crsm.map import GrayMap
+from crsm.map_kernels import Grid, Update, add_free_space, add_walls, darkness, wall_segments
 from crsm.rays_kernels import leverage
-from crsm.scan import LEAST_RAYS, ScanReader
+from crsm.scan import MIN_CRITICAL_RAYS, ScanReader
 from slams.jit import njit
 from slams.types import IDENTITY, Pose2, Scan
 from tests.crsm import naive
@@ -30,55 +30,55 @@ def blank(n=100, cell=0.05):
     return Grid(*arrays, corner, corner, cell)
 
 
-def wall(angle, off, spacing=0.02, length=2.0):
-    """Strokes of one straight wall at a distance `off` [m], facing the origin."""
+def wall(angle, distance, spacing=0.02, length=2.0):
+    """Segments of one straight wall at a distance [m], facing the origin."""
     c, s = math.cos(angle), math.sin(angle)
     along = np.arange(-length, length, spacing)
     ends = np.empty((len(along), 5))
-    ends[:, 0], ends[:, 1] = off * c - along * s, off * s + along * c
+    ends[:, 0], ends[:, 1] = distance * c - along * s, distance * s + along * c
     ends[:, 2:] = -c, -s, 0.5 * spacing
     return ends
 
 
-def test_neighbors_of_one_wall_are_one_stroke():
+def test_neighbors_on_one_wall_are_one_segment():
     points, normals = np.zeros((3, 7)), np.zeros((3, 7))
     points[0] = (1.0, 1.0, 1.0, 1.0, 0.9, 0.89, 0.8)
     points[1] = (0.0, 0.01, 0.02, 0.05, 0.05, 0.05, 0.05)
     normals[0, :5], normals[1, 5] = -1.0, -1.0
     normals[2] = 0.01
     out = np.zeros((7, 5))
-    assert strokes(points, normals, 7, 0.025, out) == 5
+    assert wall_segments(points, normals, 7, 0.025, out) == 5
     expected = [
         (1.0, 0.01, -1.0, 0.0, 0.015),  # three of them, and half of a gap at each end
-        (1.0, 0.05, -1.0, 0.0, 0.005),  # too far off
+        (1.0, 0.05, -1.0, 0.0, 0.005),  # too far away
         (0.9, 0.05, -1.0, 0.0, 0.005),
         (0.89, 0.05, 0.0, -1.0, 0.005),  # another wall
-        (0.8, 0.05, 0.0, 0.0, 0.005),  # a lone point
+        (0.8, 0.05, 0.0, 0.0, 0.005),  # an isolated point
     ]
     np.testing.assert_allclose(out[:5], expected, atol=1e-12)
 
 
 def test_map_update_equals_the_naive_one():
     grid, laser = blank(240), Pose2(0.3, 0.1, 0.0)
-    grey, weight, ends = grid.grey.copy(), grid.weight.copy(), np.zeros((800, 5))
+    gray, weight, ends = grid.gray.copy(), grid.weight.copy(), np.zeros((800, 5))
     for mark, pose in enumerate(drive(3), 1):
         view = noisy_view(mark, pose)
-        count = strokes(view.points, view.normals, view.n, 0.025, ends)
+        count = wall_segments(view.points, view.normals, view.n, 0.025, ends)
         assert 0 < (~ends[:count, 2:4].any(axis=1)).sum() < count < view.n
-        blacken(grid, ends, count, tuple(pose), mark, tuple(RULE))
-        whiten(grid, ends, count, tuple(pose), tuple(laser), mark, tuple(RULE))
+        add_walls(grid, ends, count, tuple(pose), mark, tuple(RULE))
+        add_free_space(grid, ends, count, tuple(pose), tuple(laser), mark, tuple(RULE))
         frame, rules = ((grid.x0, grid.y0), grid.resolution), (laser[:2], *RULE)
-        naive.insert(grey, weight, ends[:count], pose, frame, rules)
-    off = (np.abs(grid.grey - grey) > 1e-4) | (np.abs(grid.weight - weight) > 1e-4)
-    assert off.sum() <= 4  # a sample on the border of two cells
-    assert (grid.grey < -0.55).sum() > 3000  # free by three scans
-    assert (grid.grey > 0.5).sum() > 300
+        naive.insert(gray, weight, ends[:count], pose, frame, rules)
+    differ = (np.abs(grid.gray - gray) > 1e-4) | (np.abs(grid.weight - weight) > 1e-4)
+    assert differ.sum() <= 4  # a sample on the border of two cells
+    assert (grid.gray < -0.55).sum() > 3000  # free by three scans
+    assert (grid.gray > 0.5).sum() > 300
 
 
-def test_a_cell_remembers_so_much():
+def test_the_weight_of_a_cell_is_limited():
     grid, ends = blank(), wall(0.0, 1.0)
     for mark in range(1, 30):
-        blacken(grid, ends, len(ends), IDENTITY, mark, (0.3, 7.0, 0.035, 0.6))
+        add_walls(grid, ends, len(ends), IDENTITY, mark, (0.3, 7.0, 0.035, 0.6))
     assert grid.weight.max() == 7.0
 
 
@@ -88,10 +88,10 @@ def test_darkness_is_the_spline_of_the_cells_around():
         return 0.75 - d * d if d < 0.5 else 0.5 * max(1.5 - d, 0.0) ** 2
 
     grid, rng = blank(), np.random.default_rng(0)
-    grid.grey[:] = rng.uniform(-1.0, 1.0, grid.grey.shape)
+    grid.gray[:] = rng.uniform(-1.0, 1.0, grid.gray.shape)
     for u, v in rng.uniform(20.0, 40.0, (20, 2)):
         expected = sum(
-            spline(u - i) * spline(v - j) * max(grid.grey[j, i], 0.0)
+            spline(u - i) * spline(v - j) * max(grid.gray[j, i], 0.0)
             for i in range(math.floor(u) - 2, math.floor(u) + 4)
             for j in range(math.floor(v) - 2, math.floor(v) + 4)
         )
@@ -101,18 +101,18 @@ def test_darkness_is_the_spline_of_the_cells_around():
 
 
 def test_a_building_that_begins_at_the_start_is_not_moved(monkeypatch):
-    grid, view = GreyMap(Parameters()), reader_of(scan_at(IDENTITY, LASER))
-    before = grid.levels[0].grey
+    grid, view = GrayMap(Parameters()), reader_of(scan_at(IDENTITY, LASER))
+    before = grid.levels[0].gray
     side = 0.05 * math.isqrt(1 << 18)
     assert grid.insert(view, Pose2(0.5 * side, 0.0, 0.0))
-    assert grid.levels[0].grey is before
+    assert grid.levels[0].gray is before
 
 
 def test_critical_rays_equal_the_naive_selection():
     view, count = noisy_view(), Parameters().critical_rays
     n = view.n
     xy, normal = view.points[:2, :n].T, view.normals[:2, :n].T
-    assert not normal.any(axis=1).all()  # lone points have no share
+    assert not normal.any(axis=1).all()  # isolated points have no leverage
     shares, found = naive.leverages(xy, normal), np.zeros(n)
     leverage(view.points, view.normals, n, np.zeros((3, 3)), found)
     assert found == pytest.approx(shares, rel=1e-4, abs=1e-6)
@@ -128,7 +128,7 @@ def test_critical_rays_equal_the_naive_selection():
 
 
 def test_at_most_half_of_the_points_are_rays_unless_they_are_few():
-    for beams, rays in ((361, 150), (101, LEAST_RAYS), (41, 41)):
+    for beams, rays in ((361, 150), (101, MIN_CRITICAL_RAYS), (41, 41)):
         reader = ScanReader(Parameters(critical_rays=150))
         reader.read(scan_at(IDENTITY, laser(beams)), IDENTITY)
         assert len(reader.ends) == pytest.approx(rays, abs=0.1 * rays)
@@ -154,9 +154,9 @@ def test_a_single_short_beam_does_not_tear_a_wall():
     assert stretches <= len(np.unique(whole.moments[5, : whole.n])) + 1
 
 
-@pytest.mark.parametrize(("preset", "grey"), [("crsm", -1.0 / 3.0), ("crsm@paper", -1.0)])
-def test_the_paper_believes_one_beam_that_a_cell_is_free(preset, grey):
-    """The default weighs in that nothing was known of it."""
+@pytest.mark.parametrize(("preset", "gray"), [("crsm", -1.0 / 3.0), ("crsm@paper", -1.0)])
+def test_one_beam_frees_an_unknown_cell_in_the_preset_of_the_paper_alone(preset, gray):
+    """In the default an unknown cell has a weight."""
     slam = made(preset)
     slam.update(scan_at(IDENTITY, laser(361)))
-    assert slam._map.levels[0].grey.min() == pytest.approx(grey, abs=1e-6)
+    assert slam._map.levels[0].gray.min() == pytest.approx(gray, abs=1e-6)

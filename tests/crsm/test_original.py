@@ -23,7 +23,7 @@ def test_published_rays_equal_the_naive_selection(level):
     d[100:104] = 0.0
     picked = np.zeros(len(d), np.bool_)
     density, longest = picker.range_changes(d, 0.3, 29.95, picked)
-    count = picker.picked_between(d, level, 29.5, longest, picked)
+    count = picker.pick_between(d, level, 29.5, longest, picked)
     picker.fill_gaps(25, picked)
     rays, expected, mean = naive.critical_rays(d, 30.0, 0.3, level)
     assert np.flatnonzero(picked).tolist() == rays
@@ -38,13 +38,13 @@ def test_fast_search_takes_the_step_of_the_published_loop():
     draws = rng.integers(0, 40, (3000, 3)).astype(np.int16)
     table, step = np.zeros(grid.shape, np.int16), np.zeros(3)
     lattice.score_table(grid, (0, 0, 300, 300), table)
-    memory = (
+    buffers = (
         np.zeros((40, 21, 21), np.float32),
         np.zeros((40, 40, 2), np.float32),
         np.zeros((40, 2), np.float32),
     )
     start = (3.0, -2.0, 0.3, 150.0, 150.0)
-    f = lattice.hill_climb(table, ends.astype(np.float32), 40, start, draws, 40, memory, step)
+    f = lattice.hill_climb(table, ends.astype(np.float32), 40, start, draws, 40, buffers, step)
 
     def score(s):
         return naive.fitness(grid, ends, (3 + s[0], -2 + s[1], 0.3 + s[2]), (150, 150))

@@ -122,7 +122,7 @@ def test_normal_equations_are_the_gradient_of_the_cost():
     assert square == pytest.approx(np.mean(r * r))
 
 
-def test_a_step_of_the_original_is_limited_in_angle_only():
+def test_a_step_of_the_original_is_limited_in_rotation_only():
     grid = smooth_level()
     points = np.array([[1.0, 1.01, -1.0], [0.0, 0.02, 0.03]])
     free, turned = (
@@ -142,9 +142,9 @@ def test_insertion_equals_its_twin_in_every_octant(turn, kernels):
     kernels.insert(grid, points, 30, pose, mount, 1, UPDATE)
     expected = naive.inserted((60, 70), -3.5, -3.0, 0.1, points, pose, (0.3, 0.2), FREE, OCCUPIED)
     assert grid.log_odds == pytest.approx(expected, abs=1e-6)
-    seen = expected != 0.0
-    assert grid.p[seen] == pytest.approx(1.0 / (1.0 + np.exp(-expected[seen])), abs=1e-6)
-    assert (grid.p[~seen] == 0.0).all()
+    known = expected != 0.0
+    assert grid.p[known] == pytest.approx(1.0 / (1.0 + np.exp(-expected[known])), abs=1e-6)
+    assert (grid.p[~known] == 0.0).all()
 
 
 @both_maps
@@ -191,7 +191,7 @@ def test_prediction_by_velocity_odometry_gyro_or_not_at_all():
             scan = stamped(0.1 * k, odometry and frames[k], yaw and yaws[k])
             assert motion.predict(pose, scan) is not None
             pose = Pose2(float(k), 0.0, 0.0)
-            motion.moved(pose, scan)
+            motion.correct(pose, scan)
         scan = stamped(0.2, odometry and frames[2], yaw and yaws[2])
         assert motion.predict(pose, scan) == pytest.approx(expected)
         used = (2 if source == "auto" else 0, 2 if yaw else 0)
@@ -205,6 +205,6 @@ def test_prediction_scales_with_the_interval_until_stamps_prove_ragged():
         for k, t in enumerate(stamps.tolist()):
             motion.predict(pose, stamped(t))
             pose = Pose2(0.1 * k, 0.0, 0.0)
-            motion.moved(pose, stamped(t))
+            motion.correct(pose, stamped(t))
         found = motion.predict(pose, stamped(t + later)).x
         assert found - pose.x == pytest.approx(step)

@@ -1,4 +1,4 @@
-"""The steps of `Hector.update`, one by one: each is taken where it is due, and only there."""
+"""The steps of `Hector.update`, one by one."""
 
 import math
 
@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from hector import HectorParams, match_kernels
-from hector.map import BLUR, FINE, ROUGH, LogOddsPyramid
+from hector.map import (
+    LEVEL_TOLERANCE,
+    MIN_RESIDUAL_VARIANCE,
+    TOLERANCE_BEFORE_LINES,
+    LogOddsPyramid,
+)
 from hector.match_kernels import Solver, gauss_newton, normal_equations
 from slams.geometry import Prior
 from slams.refine.line_kernels import View, line_equations
@@ -31,7 +36,7 @@ def test_one_step_of_gauss_newton_is_damped_and_limited():
     assert np.array(pose) - np.array(start) == pytest.approx(0.5 * step, rel=1e-6)
 
 
-def test_two_poses_are_apart_as_the_ends_half_way_out_see_it():
+def test_pose_distance_adds_the_rotation_at_half_of_the_radius():
     points = settled("hector", 1)._scan
     points.radius = 8.0
     for other, apart in ((Pose2(0.3, 0.4, 0.0), 0.5), (Pose2(0.0, 0.0, -0.1), 0.4)):
@@ -54,7 +59,7 @@ def mapped(beams):
     return grids, points.read(scan_at(MOVED, laser(beams)), IDENTITY)
 
 
-def test_in_the_end_all_beams_count(monkeypatch):
+def test_the_last_steps_on_the_lines_use_all_beams(monkeypatch):
     grids, points = mapped(1081)
     quick = grids.lines.fit(points, IDENTITY, LOOSE)
     monkeypatch.setattr("slams.refine.lines.THINNED", 1)
@@ -77,7 +82,7 @@ def test_noise_is_measured_every_tenth_of_a_second(rate, looks, monkeypatch):
     assert len(learned) == pytest.approx(looks, abs=1)
 
 
-def test_a_cell_that_is_surely_free_is_as_good_as_empty_and_still_counts():
+def test_log_odds_of_a_free_cell_still_fall_where_its_probability_is_negligible():
     grids, points = mapped(361)
     for _ in range(40):
         grids.insert(points, IDENTITY)
@@ -88,7 +93,7 @@ def test_a_cell_that_is_surely_free_is_as_good_as_empty_and_still_counts():
     np.testing.assert_allclose(level.p, np.where(level.log_odds == 0.0, 0.0, exact), atol=1e-4)
 
 
-def test_what_cells_say_is_never_surer_than_their_ridges_are_exact(monkeypatch):
+def test_information_of_cells_is_limited_by_a_residual_variance(monkeypatch):
     slam = settled("hector", 12)
     prior = Prior(IDENTITY, 1e4 * np.eye(3))
     points, grids = slam._scan, slam._map
@@ -96,10 +101,12 @@ def test_what_cells_say_is_never_surer_than_their_ridges_are_exact(monkeypatch):
     level, solver = grids.levels[0], grids._solvers(points.n // ENOUGH)[0]
     H = np.zeros((3, 3))
     _, _, square = gauss_newton(level, points.points, points.n, found.pose, prior, solver, H)
-    assert found.information == pytest.approx(H / max(square, BLUR), rel=0.05, abs=1.0)
+    variance = max(square, MIN_RESIDUAL_VARIANCE)
+    assert found.information == pytest.approx(H / variance, rel=0.05, abs=1.0)
     assert found.information[0, 0] > 5.0 * H[0, 0]
     monkeypatch.setattr(match_kernels, "climb", lambda *_: (tuple(IDENTITY), 1.0, 0.0))
-    assert grids.climb(points, IDENTITY, prior).information == pytest.approx(grids._H / BLUR)
+    largest = grids._H / MIN_RESIDUAL_VARIANCE
+    assert grids.climb(points, IDENTITY, prior).information == pytest.approx(largest)
 
 
 @pytest.mark.parametrize(
@@ -108,18 +115,18 @@ def test_what_cells_say_is_never_surer_than_their_ridges_are_exact(monkeypatch):
         (1080, True, [4, 4, 4]),
         (400, True, [2, 2, 2]),
         (90, True, [1, 1, 1]),
-        (1080, False, [1, 2, 4]),  # the paper alone leaves no beam out on its finest level
+        (1080, False, [1, 2, 4]),  # hector@paper uses all beams on its finest level
         (90, False, [1, 1, 1]),
     ],
 )
-def test_fewer_beams_are_climbed_with_where_there_are_many(n, refine, strides):
+def test_scans_of_many_beams_are_matched_to_the_pyramid_by_a_part_of_them(n, refine, strides):
     params = HectorParams(refine=refine)
     solvers = [Solver(*one) for one in LogOddsPyramid(params)._solvers(n // ENOUGH)]
     assert [solver.stride for solver in solvers] == strides
     for level, (solver, stride) in enumerate(zip(solvers, strides, strict=True)):
-        rough = ROUGH if refine and stride > 1 else FINE
+        relative = TOLERANCE_BEFORE_LINES if refine and stride > 1 else LEVEL_TOLERANCE
         exact = not refine and level == 0
-        expected = params.converged if exact else rough * 0.05 * 2**level
+        expected = params.converged if exact else relative * 0.05 * 2**level
         assert solver.tolerance == pytest.approx(expected)
 
 

@@ -121,10 +121,10 @@ def test_a_map_that_outgrows_its_room_is_the_same_in_a_larger_one(name, monkeypa
         f"{name}.map.GridStorage", lambda _, cell, block: GridStorage(1 << 12, cell, block)
     )
     narrow = entry.cls(entry.params())
-    first = narrow._map._room.width
+    first = narrow._map._storage.width
     for scan in log:
         np.testing.assert_allclose(narrow.update(scan), roomy.update(scan), atol=1e-6)
-    assert narrow._map._room.width > first
+    assert narrow._map._storage.width > first
     one, other = narrow.map(), roomy.map()
     np.testing.assert_allclose(one.origin, other.origin)
     np.testing.assert_allclose(one.p, other.p, atol=1e-3)
