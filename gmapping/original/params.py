@@ -27,7 +27,7 @@ class OriginalParams(Params):
     linear_update: float = param(
         1.0,
         "m",
-        "way between keyframes",
+        "distance between keyframes",
         source=ORIGINAL,
         low=0.0,
         ros=("linearUpdate",),
@@ -35,7 +35,7 @@ class OriginalParams(Params):
     angular_update: float = param(
         0.5,
         "rad",
-        "turn between keyframes",
+        "rotation between keyframes",
         source=ORIGINAL,
         low=0.0,
         ros=("angularUpdate",),
@@ -123,7 +123,7 @@ class OriginalParams(Params):
     gain: float = param(
         3.0,
         "1",
-        "tempers weights by 1 / (gain N)",
+        "log weights are divided by gain * N",
         source=ORIGINAL,
         low=0.01,
         ros=("ogain",),
@@ -137,12 +137,12 @@ class OriginalParams(Params):
         ros=("minimumScore",),
     )
     missed: float = param(
-        0.5, "1", "cost of a beam without a hit near [m^2]", source=ORIGINAL, low=0.0
+        0.5, "1", "squared distance of a beam without a hit nearby [m^2]", source=ORIGINAL, low=0.0
     )
     occupied: float = param(
         0.25,
         "1",
-        "share of hits above which a cell of the picture is a wall",
+        "share of hits above which a cell of the map is a wall",
         source=ORIGINAL,
         low=0.01,
         high=0.99,
