@@ -16,23 +16,23 @@ from slams.types import Floats, Pose2
 
 MIN_CLIMB_GAIN = 1e-6  # of the log posterior; a smaller gain may be rounding
 SPACING_DROP = 1.0  # of the log posterior from the peak to a sample: about one deviation
-SPACING_DROP_TOLERANCE = 2.0  # times, more or less
-MAX_SPACING_TRIALS = 6
-MAX_SPACING_GROWTH = 3.0  # times from one trial to the next
+SPACING_DROP_TOLERANCE = 2.0  # factor, either way
+MAX_SPACING_TRIALS = 6  # per axis
+MAX_SPACING_GROWTH = 3.0  # factor from one trial to the next
 NEGLIGIBLE_DROP = 7.0  # of the log posterior below the peak: the sample's weight is computed as 0
 MAX_LOG_WEIGHT = 50.0  # of a sample above the peak: the sum cannot overflow
 MIN_SAMPLE_VARIANCE = 1e-12  # m^2, rad^2: keeps the covariance invertible
 
 
-class EndPointModel(NamedTuple):
+class HitModel(NamedTuple):
     """Likelihood of an end point by its distance from the nearest mean hit, and the climb.
 
-    `information` [1/m^2] of a distance; `robust_scale` [m]: Geman-McClure; `linear_step` [m],
+    `information` [1/m^2] of a distance; `scale` [m]: Geman-McClure; `linear_step` [m],
     `angular_step` [rad]: the first step of the climb, halved `halvings` times.
     """
 
     information: float
-    robust_scale: float
+    scale: float
     linear_step: float
     angular_step: float
     halvings: int
@@ -69,27 +69,25 @@ def distance_cost(
 
 
 @njit
-def log_posterior(
-    posterior: Posterior, model: EndPointModel, k: int, pose: Floats, floor: float
-) -> float:
+def log_posterior(target: Posterior, model: HitModel, k: int, pose: Floats, floor: float) -> float:
     """Log of likelihood x prior of a pose (3,), the k-th; any value below `floor` if not above it.
 
     [Grisetti07] the target of the improved proposal; ours: Student's t prior as in `add_prior`.
     """
-    mean = posterior.means[k]
+    mean = target.means[k]
     difference = offset(Pose2(pose[0], pose[1], pose[2]), Pose2(mean[0], mean[1], mean[2]))
-    prior = -student_cost(mahalanobis_squared(posterior.information, difference))
+    prior = -student_cost(mahalanobis_squared(target.information, difference))
     max_cost = 2.0 * (prior - floor) / model.information
     if max_cost <= 0.0:
         return floor
     cost, _ = distance_cost(
-        posterior.tiles, posterior.owners[k], pose, posterior.pieces, model.robust_scale, max_cost
+        target.tiles, target.owners[k], pose, target.pieces, model.scale, max_cost
     )
     return prior - 0.5 * model.information * cost
 
 
 @njit
-def climb(posterior: Posterior, model: EndPointModel, poses: Floats, out: Floats) -> None:
+def climb(target: Posterior, model: HitModel, poses: Floats, out: Floats) -> None:
     """Hill climb: move to a better one of six neighbors; where none is better, halve the step.
 
     [Grisetti07] scan matching in front of the proposal; ours: with the prior. poses (k, 3) starts
@@ -97,7 +95,7 @@ def climb(posterior: Posterior, model: EndPointModel, poses: Floats, out: Floats
     """
     for k in range(poses.shape[0]):
         pose = poses[k]
-        best = log_posterior(posterior, model, k, pose, -math.inf)
+        best = log_posterior(target, model, k, pose, -math.inf)
         linear_step, angular_step, halvings = model.linear_step, model.angular_step, 0
         while halvings <= model.halvings:
             moved = False
@@ -106,7 +104,7 @@ def climb(posterior: Posterior, model: EndPointModel, poses: Floats, out: Floats
                 before = pose[axis]
                 step = angular_step if axis == 2 else linear_step
                 pose[axis] = before + (step if move & 1 else -step)
-                value = log_posterior(posterior, model, k, pose, best)
+                value = log_posterior(target, model, k, pose, best)
                 if value > best + MIN_CLIMB_GAIN:
                     best, moved = value, True
                 else:
@@ -119,7 +117,7 @@ def climb(posterior: Posterior, model: EndPointModel, poses: Floats, out: Floats
 
 @njit
 def sample_spacing(
-    posterior: Posterior, model: EndPointModel, k: int, peak: Floats, spacing: Floats
+    target: Posterior, model: HitModel, k: int, peak: Floats, spacing: Floats
 ) -> None:
     """Distance from a peak at which the log posterior has dropped by `SPACING_DROP`, on each axis.
 
@@ -127,44 +125,40 @@ def sample_spacing(
     rad]: a guess in, the result out.
     """
     trial = peak.copy()
-    best = log_posterior(posterior, model, k, trial, -math.inf)
+    best = log_posterior(target, model, k, trial, -math.inf)
     for axis in range(3):
         for _ in range(MAX_SPACING_TRIALS):
             drop = best
             for side in (-1.0, 1.0):
                 trial[axis] = peak[axis] + side * spacing[axis]
-                drop -= 0.5 * log_posterior(posterior, model, k, trial, -math.inf)
+                drop -= 0.5 * log_posterior(target, model, k, trial, -math.inf)
             drop = max(drop, SPACING_DROP / (MAX_SPACING_GROWTH * MAX_SPACING_GROWTH))
-            enough = SPACING_DROP_TOLERANCE * drop > SPACING_DROP
-            if enough and drop < SPACING_DROP_TOLERANCE * SPACING_DROP:
+            if SPACING_DROP / SPACING_DROP_TOLERANCE < drop < SPACING_DROP_TOLERANCE * SPACING_DROP:
                 break
             spacing[axis] *= math.sqrt(SPACING_DROP / drop)
         trial[axis] = peak[axis]
 
 
 @njit
-def sample(
-    posterior: Posterior, model: EndPointModel, poses: Floats, out_covariance: Floats, out: Floats
-) -> None:
+def sample(target: Posterior, model: HitModel, poses: Floats, out_cov: Floats, out: Floats) -> None:
     """The Gaussian of 27 samples around each peak, weighted by likelihood x prior.
 
     [Grisetti07] improved proposal: mean, covariance and eta, the sum of the weights. ours: the
-    samples form a lattice whose spacing is the width of the posterior. poses (k, 3) peaks in, means
-    out; out_covariance (k, 3, 3), zeros in; out (k,) log posterior of the peaks in, log eta out.
+    samples form a lattice whose spacing is the width of the target. poses (k, 3) peaks in, means
+    out; out_cov (k, 3, 3), zeros in; out (k,) log posterior of the peaks in, log eta out.
     """
     trial, mean = np.empty(3), np.empty(3)
-    spacing = np.array(
-        (model.linear_step, model.linear_step, model.angular_step)
-    )  # the result of one particle is the guess for the next
+    # the result of one particle is the guess for the next
+    spacing = np.array((model.linear_step, model.linear_step, model.angular_step))
     for k in range(poses.shape[0]):
-        pose, square = poses[k], out_covariance[k]
-        sample_spacing(posterior, model, k, pose, spacing)
+        pose, square = poses[k], out_cov[k]
+        sample_spacing(target, model, k, pose, spacing)
         total, mean[0], mean[1], mean[2] = 0.0, 0.0, 0.0, 0.0
         for number in range(27):
             node = (number // 9 - 1.0, number // 3 % 3 - 1.0, number % 3 - 1.0)
             for i in range(3):
                 trial[i] = pose[i] + node[i] * spacing[i]
-            value = log_posterior(posterior, model, k, trial, out[k] - NEGLIGIBLE_DROP)
+            value = log_posterior(target, model, k, trial, out[k] - NEGLIGIBLE_DROP)
             weight = math.exp(min(value - out[k], MAX_LOG_WEIGHT))
             total += weight
             for i in range(3):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from gmapping import climb_kernels as kernels
-from gmapping.climb_kernels import EndPointModel
+from gmapping.climb_kernels import HitModel
 from gmapping.hit_kernels import N_HIT_VALUES, insert_ends
 from gmapping.map import TileMap
 from gmapping.match_kernels import Posterior
@@ -36,10 +36,10 @@ class EndPointMatcher:
     def match(self, view: View, owner: int, prior: Prediction, start: Pose2) -> Match:
         """The mean of the samples around the peak near `start`, in the map of one particle."""
         poses, means, owners = np.array([start]), np.array([prior.pose]), np.array([owner])
-        posterior = Posterior(self.tiles.tiles, owners, view.pieces, means, prior.information)
-        covariance, _ = self._gaussians(view, posterior, poses)
+        target = Posterior(self.tiles.tiles, owners, view.pieces, means, prior.information)
+        covariance, _ = self._gaussians(view, target, poses)
         if prior.information.any():  # the match's information is that of the scan alone
-            likelihood = posterior._replace(means=poses, information=np.zeros((3, 3)))
+            likelihood = target._replace(means=poses, information=np.zeros((3, 3)))
             covariance, _ = self._gaussians(view, likelihood, poses.copy())
         x, y, theta = poses[0].tolist()
         inlier_ratio = self.evaluate(view, owner, poses[0], NO_FREE_SPACE)[0] / view.beams
@@ -47,20 +47,12 @@ class EndPointMatcher:
         return Match(pose, inlier_ratio, 1.0 / self._model(view).information, information)
 
     def propose(
-        self,
-        view: View,
-        means: Floats,
-        information: Floats,
-        candidates: list[Pose2],
-        counts: BeamCounts,
+        self, view: View, means: Floats, information: Floats, loops: list[Pose2], counts: BeamCounts
     ) -> Proposals:
-        """[Grisetti07] improved proposal: mean, covariance and weight of samples around the peak.
-
-        The loop closure candidates are not used.
-        """
+        """[Grisetti07] improved proposal: mean, covariance and weight of samples at the peak."""
         poses, n = means.copy(), len(means)
-        posterior = Posterior(self.tiles.tiles, np.arange(n), view.pieces, means, information)
-        covariances, log_w = self._gaussians(view, posterior, poses)
+        target = Posterior(self.tiles.tiles, np.arange(n), view.pieces, means, information)
+        covariances, log_w = self._gaussians(view, target, poses)
         factors = np.linalg.cholesky(np.linalg.inv(covariances))
         return Proposals(poses, factors, log_w, np.zeros(n, np.bool_))
 
@@ -74,16 +66,16 @@ class EndPointMatcher:
         """Inlier beams in one map, and beams in conflict with `counts`, at a pose (3,)."""
         return kernels.evaluate(self.tiles.tiles, owner, view.pieces, pose, counts)
 
-    def _gaussians(self, view: View, posterior: Posterior, poses: Floats) -> tuple[Floats, Floats]:
+    def _gaussians(self, view: View, target: Posterior, poses: Floats) -> tuple[Floats, Floats]:
         """Replace poses (k, 3) by the means of samples; covariances (k, 3, 3), log eta (k,)."""
         model = self._model(view)
         covariances, values = np.zeros((len(poses), 3, 3)), np.zeros(len(poses))
-        kernels.climb(posterior, model, poses, values)
-        kernels.sample(posterior, model, poses, covariances, values)
+        kernels.climb(target, model, poses, values)
+        kernels.sample(target, model, poses, covariances, values)
         return covariances, values
 
-    def _model(self, view: View) -> EndPointModel:
+    def _model(self, view: View) -> HitModel:
         p, deviation = self._params, math.hypot(view.noise, self._hit_std)
         information = min(1.0, p.independent / view.beams) / deviation**2
-        robust_scale = max(p.band * p.resolution, 3.0 * view.noise)
-        return EndPointModel(information, robust_scale, *FIRST_CLIMB_STEP, N_CLIMB_HALVINGS)
+        scale = max(p.band * p.resolution, 3.0 * view.noise)
+        return HitModel(information, scale, *FIRST_CLIMB_STEP, N_CLIMB_HALVINGS)

@@ -21,15 +21,7 @@ class TileMap:
 
     `tiles` is the argument of kernels; growing tables replaces it, so a caller reads it before each
     call. Pool and tables are reserved at full size: unused memory costs nothing, and only a long,
-    narrow map ever moves its tables.
-
-    Args:
-        n_particles: number of maps.
-        layers: of each map.
-        resolution: edge of a cell [m].
-        max_tiles: of the pool.
-        max_cells: of the box around the maps.
-        n_values: numbers per cell.
+    narrow map ever moves its tables. A cell has `n_values` numbers.
     """
 
     def __init__(

@@ -94,28 +94,23 @@ def insert(tiles: Tiles, poses: Floats, surface: Floats, update: SurfaceUpdate) 
     returns the number of cells without a free tile.
     """
     edge = tiles.resolution
-    n_dropped, extents = 0, np.empty(surface.shape[0])
+    n_dropped, spans = 0, np.empty(surface.shape[0])
     for i in range(surface.shape[0]):
-        extents[i] = max(1.5 * edge, half_gap(surface, i, update) + 0.5 * edge)
+        spans[i] = max(1.5 * edge, half_gap(surface, i, update) + 0.5 * edge)
     for particle in range(poses.shape[0]):
-        n_dropped += write(tiles, particle, poses[particle], surface, extents, update)
+        n_dropped += write(tiles, particle, poses[particle], surface, spans, update)
     return n_dropped
 
 
 @njit(inner=True, borrows=True)
 def write(
-    tiles: Tiles,
-    particle: int,
-    pose: Floats,
-    surface: Floats,
-    extents: Floats,
-    update: SurfaceUpdate,
+    tiles: Tiles, particle: int, pose: Floats, surface: Floats, spans: Floats, update: SurfaceUpdate
 ) -> int:
     """Average the lines through the points of a scan into one particle's map.
 
     ours: a cell stores the means over lines of the signed distance d = n . (cell - point) and of
     the normal n, which are the mean line in the frame of the cell's center, and the weight. The
-    weight of a line falls with the distance of its point along the wall, to 0 at `extents` (n,)
+    weight of a line falls with the distance of its point along the wall, to 0 at `spans` (n,)
     [m]. The last number is that of `confidence`. pose (3,) m, rad; `surface` as in `insert`;
     returns the number of cells without a free tile.
     """
@@ -127,12 +122,12 @@ def write(
         x, y, nx, ny = surface[i, 0], surface[i, 1], surface[i, 2], surface[i, 3]
         px, py = pose[0] + c * x - s * y, pose[1] + s * x + c * y
         wx, wy = c * nx - s * ny, s * nx + c * ny
-        layer, extent = layer_of(tiles, wx, wy), extents[i]
+        layer, span = layer_of(tiles, wx, wy), spans[i]
         u_is_x = layer & 1  # u is the axis of the grid that is nearest to the wall, v the other
         u, v, wu, wv = (px, py, wx, wy) if u_is_x else (py, px, wy, wx)
         iu, iv = cell_of(u, edge), cell_of(v, edge)
-        band = max(update.band, math.ceil(extent / edge))
-        slope, half = surface[i, 4] / extent, extent * abs(wv) + reach * abs(wu)
+        band = max(update.band, math.ceil(span / edge))
+        slope, half = surface[i, 4] / span, span * abs(wv) + reach * abs(wu)
         first = max(iu - band, math.ceil((u - half) / edge))
         end = min(iu + band, math.floor((u + half) / edge)) + 1
         for ju in range(first, end):
@@ -140,7 +135,7 @@ def write(
             for jv in range(iv - band, iv + band + 1):
                 ov = jv * edge - v
                 distance = wu * ou + wv * ov
-                weight = slope * (extent - abs(wu * ov - wv * ou))
+                weight = slope * (span - abs(wu * ov - wv * ou))
                 if weight <= 0.0 or abs(distance) > reach:
                     continue
                 if ju >> TILE_BITS != tu or jv >> TILE_BITS != tv or layer != last:

@@ -53,22 +53,16 @@ class GaussNewton(NamedTuple):
 
 @njit(fastmath=FAST, inner=True, borrows=True)  # sums may be regrouped
 def linearize(
-    posterior: Posterior,
-    k: int,
-    pose: Floats,
-    scale: float,
-    old_path_length: float,
-    out_h: Floats,
-    out: Floats,
+    target: Posterior, k: int, pose: Floats, scale: float, old: float, out_h: Floats, out: Floats
 ) -> None:
     """Normal equations of the distances between a scan and a map, robustly weighted.
 
     ours: residual r = distance of a point from the mean line of its cell, Geman-McClure weights of
     `scale` [m]. pose (3,), the k-th; out_h (3, 3) J^T W J; out (7,): -J^T W r (3), the cost [m^2],
     the beams within `scale`, the mean square distance [m^2], and the old score [m^2]: the reduction
-    of the cost by surfaces that were first observed before `old_path_length` [m].
+    of the cost by surfaces that were first observed before the path length `old` [m].
     """
-    tiles, particle, surface = posterior.tiles, posterior.owners[k], posterior.pieces
+    tiles, particle, surface = target.tiles, target.owners[k], target.pieces
     c, s = math.cos(pose[2]), math.sin(pose[2])
     edge, k2 = tiles.resolution, scale * scale
     hxx = hxy = hxt = hyy = hyt = htt = gx = gy = gt = 0.0
@@ -92,7 +86,7 @@ def linearize(
         if r * r < k2:
             inliers += surface[i, 4]
         cost -= surface[i, 4] * q * k2
-        if is_old(cell[4], old_path_length):
+        if is_old(cell[4], old):
             old_score += surface[i, 4] * q * k2
         w = surface[i, 4] * q * q * confidence(cell[4])
         total += w
@@ -112,7 +106,7 @@ def linearize(
 
 @njit
 def register(
-    posterior: Posterior, settings: GaussNewton, poses: Floats, out_h: Floats, out: Floats
+    target: Posterior, settings: GaussNewton, poses: Floats, out_h: Floats, out: Floats
 ) -> None:
     """Gauss-Newton from every start to a peak of likelihood x prior.
 
@@ -125,12 +119,12 @@ def register(
     step, total_h = np.empty(3), np.empty((3, 3))
     for k in range(poses.shape[0]):
         pose, h, g = poses[k], out_h[k], out[k]
-        mean = Pose2(posterior.means[k, 0], posterior.means[k, 1], posterior.means[k, 2])
+        mean = Pose2(target.means[k, 0], target.means[k, 1], target.means[k, 2])
         scale = settings.first_scale
         for number in range(settings.max_steps):
-            linearize(posterior, k, pose, scale, settings.old_path_length, h, g)
+            linearize(target, k, pose, scale, settings.old_path_length, h, g)
             difference = offset(Pose2(pose[0], pose[1], pose[2]), mean)
-            add_prior(h, posterior.information, settings.variance, difference, total_h, g)
+            add_prior(h, target.information, settings.variance, difference, total_h, g)
             if not solve3(total_h, g, step):
                 break
             for i in range(3):

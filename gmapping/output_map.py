@@ -22,10 +22,8 @@ from slams.types import Pose2
 REVISIT_RADIUS = 3.0  # m from an old keyframe, within which most of its walls are in view
 REVISIT_SEARCH_INTERVAL = 0.5  # m of path between two searches for loop closure candidates
 MAX_REVISIT_KEYFRAMES = 20  # that a search looks the scan up in
-REVISIT_DRIFT_COVARIANCE = (
-    np.diag((0.33, 0.33, 0.03)) ** 2
-)  # m, rad: a drift of 1 m is 3 deviations
-REVISIT_WINDOW_SHARES = 0.25, 0.5, 1.0  # of these deviations: a small drift is the likeliest
+REVISIT_DRIFT_COVARIANCE = np.diag((0.33, 0.33, 0.03)) ** 2  # m, rad; at 3 deviations 1 m
+REVISIT_WINDOW_SHARES = 0.25, 0.5, 1.0  # of these deviations, as a small drift is the likeliest
 
 Matcher = SurfaceMatcher | EndPointMatcher
 
@@ -53,17 +51,17 @@ class OutputMap(Renderer):
     def loop_candidates(
         self, view: View, pose: Pose2, path_length: float
     ) -> tuple[list[Pose2], BeamCounts]:
-        """Loop closure candidates around `pose` at a path length [m], and the beams of that area.
+        """Loop closure candidates in a revisited area, nearest first, and the beams of that area.
 
-        Each candidate is the best pose of a correlative search in the keyframes that are
-        `MIN_LOOP_PATH_LENGTH` back; the windows grow. Along a direction that the scan does not
-        observe a candidate keeps the position of `pose`. Empty away from a revisited area.
+        They are the best poses of correlative searches in growing windows around `pose`, among the
+        keyframes that are `MIN_LOOP_PATH_LENGTH` before `path_length` [m]. Along a direction that
+        the scan does not observe, a candidate keeps the position of `pose`.
         """
         if path_length - self._last_search < REVISIT_SEARCH_INTERVAL:
             return [], self.counts
         self._last_search = path_length
         n_old = bisect.bisect_left(self._path_lengths, path_length - MIN_LOOP_PATH_LENGTH)
-        distances = np.hypot(*(self._drawn_poses[:n_old, :2] - np.array(pose[:2])).T)
+        distances = np.hypot(*(self._poses[:n_old, :2] - np.array(pose[:2])).T)
         old = np.flatnonzero(distances < REVISIT_RADIUS).tolist()
         if not old:
             return [], self.counts

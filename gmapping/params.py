@@ -100,22 +100,16 @@ class GMappingParams(ScanParams, FrontendParams):
         high=8,
     )
     cap: float = param(
-        100.0,
-        "1",
-        "maximum weight of a cell, so that the map follows changes",
-        source="ours",
-        low=1.0,
+        100.0, "1", "maximum weight of a cell: the map follows changes", source="ours", low=1.0
     )
     width: float = param(
         0.03, "m", "scale of the robust weights at the last step", source="ours", low=0.001
     )
-    steps: int = param(
-        8, "1", "maximum number of Gauss-Newton steps", source="ours", low=1, high=1_000
-    )
+    steps: int = param(8, "1", "Gauss-Newton steps at most", source="ours", low=1, high=1_000)
     independent: float = param(
         100.0,
         "1",
-        "independent beams in a scan, for the weights",
+        "independent beams of a scan, for weights",
         source="ours: in place of ogain",
         low=1.0,
     )

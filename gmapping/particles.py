@@ -104,12 +104,9 @@ class Particles:
         self.poses[:, 2] = wrap_angle(self.poses[:, 2])
 
     def draw_ancestors(self, u: float) -> NDArray[np.int64]:
-        """Ancestors of the next generation by systematic resampling with one draw u.
-
-        A dropped output particle replaces one child of the particle with the most children.
-        """
+        """Ancestors of the next generation by systematic resampling with one draw u."""
         ancestors = systematic(self.w, u)
-        if self._keep_output and self.output not in ancestors:
+        if self._keep_output and self.output not in ancestors:  # in place of a twin
             twins = np.flatnonzero(ancestors == np.bincount(ancestors).argmax())
             ancestors[twins[-1]] = self.output
         return survivors_in_place(ancestors)

@@ -42,30 +42,25 @@ class Renderer:
 
     A keyframe is (n + 1, 2) x, y [m] in the base frame: end points of a scan, then the laser. If
     its pose changes, it is removed and drawn again; `counts` is the sum of what is drawn.
-
-    Args:
-        resolution: edge of a cell [m].
-        occupied: share of hits above which a cell is a wall; this share becomes 0.5 in the grid.
-        max_cells: of the map.
+    `resolution` [m] of a cell; the share of hits `occupied` becomes 0.5 in the grid, which has at
+    most `max_cells` cells.
     """
 
     def __init__(self, resolution: float, occupied: float, max_cells: int) -> None:
         self._exponent = math.log(0.5) / math.log(occupied)
         self._storage = GridStorage(max_cells, resolution, 1 << COARSE_BITS)
-        self._first_cell, self._last_cell = np.zeros((2, 2), np.int64)  # of what was drawn
+        self._low, self._high = np.zeros((2, 2), np.int64)  # cells of what was drawn
         self._keyframes: list[Keyframe] = []
-        self._drawn_poses = np.zeros((64, 3))  # of the keyframes
+        self._poses = np.zeros((64, 3))  # where each keyframe is drawn
         self.counts = self._empty_counts(resolution)
 
     def add_keyframe(self, keyframe: Keyframe, pose: Pose2) -> None:
         """Store a keyframe, and draw it at a pose."""
         k = len(self._keyframes)
-        if k == len(self._drawn_poses):
-            self._drawn_poses = np.concatenate(
-                [self._drawn_poses, np.zeros_like(self._drawn_poses)]
-            )
+        if k == len(self._poses):
+            self._poses = np.concatenate([self._poses, np.zeros_like(self._poses)])
         self._keyframes.append(keyframe)
-        self._drawn_poses[k] = pose
+        self._poses[k] = pose
         self._draw(keyframe, pose, 1)
 
     def snapshot(self, history: Floats) -> Callable[[], OccupancyGrid]:
@@ -73,14 +68,12 @@ class Renderer:
 
         Occupancy is a power of hits / visits; the original's threshold becomes 0.5.
         """
-        before = self._drawn_poses[: len(history)]
+        before = self._poses[: len(history)]
         for k in np.flatnonzero((history != before).any(axis=1)).tolist():
             self._draw(self._keyframes[k], Pose2(*before[k].tolist()), -1)
             self._draw(self._keyframes[k], Pose2(*history[k].tolist()), 1)
         before[:] = history
-        (x0, y0), (x1, y1) = (
-            cell - self._corner for cell in (self._first_cell, self._last_cell + 1)
-        )
+        (x0, y0), (x1, y1) = (cell - self._corner for cell in (self._low, self._high + 1))
         cells = self._counts_in((slice(int(y0), int(y1)), slice(int(x0), int(x1))))
         cells = cells._replace(hits=cells.hits.copy(), visits=cells.visits.copy())
         unknown = np.full((1, 1), np.nan, np.float32)
@@ -93,16 +86,14 @@ class Renderer:
 
     def counts_of(self, keyframes: list[int]) -> BeamCounts:
         """Counts of some keyframes alone, at the poses where they are drawn."""
-        edge, scans = self.counts.resolution, []
-        for k in keyframes:
-            pose = Pose2(*self._drawn_poses[k].tolist())
-            scans.append(pose.transform(self._keyframes[k].astype(np.float64)))
+        edge, poses = self.counts.resolution, [Pose2(*self._poses[k].tolist()) for k in keyframes]
+        stored = (self._keyframes[k].astype(np.float64) for k in keyframes)
+        scans = [pose.transform(scan) for pose, scan in zip(poses, stored, strict=True)]
         ends = np.concatenate(scans)
         low = np.floor(ends.min(axis=0) / edge).astype(np.int64) >> COARSE_BITS
         high = np.ceil(ends.max(axis=0) / edge).astype(np.int64) >> COARSE_BITS
-        counts = empty_counts(
-            (low << COARSE_BITS).tolist(), ((high - low + 2) << COARSE_BITS).tolist(), edge
-        )
+        first, size = low << COARSE_BITS, (high - low + 2) << COARSE_BITS
+        counts = empty_counts(first.tolist(), size.tolist(), edge)
         for scan in scans:
             draw(scan, counts, 1)
         return counts
@@ -110,15 +101,13 @@ class Renderer:
     def likelihood_field(self) -> LikelihoodField:
         """Likelihood of walls in coarse cells, for correlative search."""
         edge, counts = self.counts.resolution * (1 << COARSE_BITS), self.counts
-        (x0, y0), (x1, y1) = self._first_cell - self._corner, self._last_cell - self._corner
+        (x0, y0), (x1, y1) = self._low - self._corner, self._high - self._corner
         first_x, first_y = int(x0) >> COARSE_BITS, int(y0) >> COARSE_BITS
-        hits = counts.coarse_hits[
-            first_y : (y1 >> COARSE_BITS) + 1, first_x : (x1 >> COARSE_BITS) + 1
-        ]
+        end_x, end_y = (x1 >> COARSE_BITS) + 1, (y1 >> COARSE_BITS) + 1
+        hits = counts.coarse_hits[first_y:end_y, first_x:end_x]
         likelihood = np.minimum(hits / np.float32(FULL_LIKELIHOOD_HITS), np.float32(1.0))
-        shift = (
-            0.5 * ((1 << COARSE_BITS) - 1) * counts.resolution
-        )  # of the first cell in a coarse one
+        # from the center of the first cell in a coarse cell to the center of the coarse cell
+        shift = 0.5 * ((1 << COARSE_BITS) - 1) * counts.resolution
         x = first_x * edge + counts.x0 * counts.resolution + shift
         y = first_y * edge + counts.y0 * counts.resolution + shift
         return LikelihoodField(likelihood, x, y, edge)
@@ -149,8 +138,8 @@ class Renderer:
     def _draw(self, keyframe: Keyframe, pose: Pose2, times: int) -> None:
         edge, ends = self.counts.resolution, pose.transform(keyframe.astype(np.float64))
         low, high = ends.min(axis=0), ends.max(axis=0)
-        self._first_cell = np.minimum(self._first_cell, np.floor(low / edge + 0.5).astype(np.int64))
-        self._last_cell = np.maximum(self._last_cell, np.floor(high / edge + 0.5).astype(np.int64))
+        self._low = np.minimum(self._low, np.floor(low / edge + 0.5).astype(np.int64))
+        self._high = np.maximum(self._high, np.floor(high / edge + 0.5).astype(np.int64))
         added = self._storage.reach(Box(*(low - edge).tolist(), *(high + edge).tolist()))
         if added is not None:
             self._grow(*added)

@@ -4,7 +4,7 @@ import dataclasses
 
 from slams.params import RosNames
 
-HILL_CLIMB_ONLY = "the default matches by Gauss-Newton, not by hill climbing"
+CLIMB_ONLY = "the default matches by Gauss-Newton, not by hill climbing"
 ODOMETRY_NOISE_ONLY = "the noise is that of the tracked motion, not of odometry"
 NO_EFFECT = "no effect in slam_gmapping either"
 
@@ -25,8 +25,7 @@ ORIGINAL = RosNames(
 ROS = dataclasses.replace(
     ORIGINAL,
     original_only=dict.fromkeys(
-        ("sigma", "lsigma", "lstep", "astep", "iterations", "ogain", "minimumScore"),
-        HILL_CLIMB_ONLY,
+        ("sigma", "lsigma", "lstep", "astep", "iterations", "ogain", "minimumScore"), CLIMB_ONLY
     )
     | dict.fromkeys(("srr", "srt", "str", "stt"), ODOMETRY_NOISE_ONLY),
 )

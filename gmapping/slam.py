@@ -49,10 +49,9 @@ KEYFRAME_PATH_INCREMENT = 0.001  # m added at a keyframe: path lengths at two ke
 
 
 class GMapping(HasEstimator):
-    """The particle filter; the module lists its steps.
+    """The particle filter; `particles` and their maps, `tiles`, are its state.
 
-    If `frozen`, no scan enters the map. `particles` and their maps, `tiles`, are the filter's
-    state.
+    If `frozen`, no scan enters the maps.
     """
 
     Params: ClassVar[type[Params]] = GMappingParams
@@ -68,18 +67,14 @@ class GMapping(HasEstimator):
         self._estimator = estimator_for(p, motion_model=True)  # [Grisetti07] eq. 9
         self._other_maps_outdated = False  # of all particles but the output particle
         self._keyframes = Keyframes(p.linear_update, p.angular_update, p.settle)
-        # pose, path length [m] and covariance at the last keyframe; a cell keeps 0 m for no scan
-        self._keyframe_pose, self._path_length = IDENTITY, 1.0
+        self._keyframe_pose, self._path_length = IDENTITY, 1.0  # m; an empty cell stores 0
         self._keyframe_covariance = self._estimator.local_covariance
         self._rng = np.random.default_rng(p.seed)
-        counts = "posed inserted resampled switched collapsed closed"
-        self._counts = dict.fromkeys(counts.split(), 0)
+        names = "posed inserted resampled switched collapsed closed"
+        self._counts = dict.fromkeys(names.split(), 0)
 
     def update(self, scan: Scan) -> Pose2:
-        """Track the pose by the output particle's map; at a keyframe run the filter.
-
-        Returns T_map_base.
-        """
+        """Match a scan to the output map; at a keyframe run the filter. Returns T_map_base."""
         self._update_other_maps()
         prior = self._estimator.predict(scan)  # 1.
         view = self._view.read(scan, prior.twist)  # 2.
@@ -190,8 +185,8 @@ class GMapping(HasEstimator):
     def _select_output(self, pose: Pose2, closed: NDArray[np.bool_]) -> Pose2:
         """Step d; returns the output particle's pose. `closed` (n,): the particle closed a loop.
 
-        ours: always the same particle, which moves only if it closed a loop. The particles differ
-        by the noise of their draws, and the best one would be selected by chance.
+        ours: always the same particle, which moves only if it closed a loop: the best one differs
+        from the others by the noise of its draws, and would be selected by chance.
         """
         particles = self.particles
         if self.params.refine and not closed[particles.output]:
@@ -210,8 +205,7 @@ class GMapping(HasEstimator):
         self.tiles.cover(self.particles.poses, view.radius)
         motion = self._keyframe_pose.between(pose)
         self._path_length += math.hypot(motion.x, motion.y) + KEYFRAME_PATH_INCREMENT
-        poses = self.particles.poses[:n_particles]
-        if not self._matcher.insert(view, poses, self._path_length):
+        if not self._matcher.insert(view, self.particles.poses[:n_particles], self._path_length):
             self._share_output_map()  # no free tile is left
             self._counts["collapsed"] += 1
         self._counts["inserted"] += 1

@@ -19,16 +19,16 @@ from slams.frontend.motion_filter import Prediction
 from slams.refine.lines import Match
 from slams.types import Floats, Pose2, wrap_angle
 
-MIN_LOOP_PATH_LENGTH = 15.0  # m after which a surface is old: without a loop it is out of view
-# shares of the beams on old surfaces: the weight of a particle grows from the first, which parallel
-# walls explain at any pose, to the second, a complete match
-CHANCE_SHARE, COMPLETE_SHARE = 0.3, 0.9
-MIN_LOOP_GAIN, MIN_LOOP_SHARE = 0.2, 0.45  # of the beams on old surfaces, gained and in all
-MAX_LOOP_CONFLICT_SHARE = 0.05  # of the beams; more conflict with free space at a similar place
+MIN_LOOP_PATH_LENGTH = 15.0  # m after which a surface is old: longer than any room
+CHANCE_SHARE = 0.3  # of the beams that parallel walls explain at any pose
+COMPLETE_SHARE = 0.9  # of the beams that a complete match explains
+MIN_LOOP_GAIN = 0.2  # share of the beams by which old surfaces explain more at a candidate
+MIN_LOOP_SHARE = 0.45  # of the beams that old surfaces explain at a candidate
+MAX_LOOP_CONFLICT_SHARE = 0.05  # of the beams; a similar place has more conflicts
 CANDIDATE_INFORMATION = np.diag(1.0 / np.array([0.2, 0.2, 0.05]) ** 2)  # 1/m^2, 1/rad^2
 PLACE_SHARE = 0.2  # of the independent beams that distinguish a place from a similar one
 MAX_PIECE_GAP = 0.5  # m between two neighboring pieces of one wall
-HEADING_CONCENTRATION = 20.0  # of a vote (von Mises): half at 4 degrees
+HEADING_CONCENTRATION = 20.0  # von Mises: a vote counts half at 4 degrees
 
 
 class SurfaceMatcher:
@@ -36,56 +36,45 @@ class SurfaceMatcher:
 
     def __init__(self, params: GMappingParams) -> None:
         p = self._params = params
-        layers, n_values = N_SURFACE_LAYERS, N_SURFACE_VALUES
-        self.tiles = TileMap(
-            p.n_particles, layers, p.resolution, p.max_tiles, p.max_cells, n_values
-        )
+        size = p.n_particles, N_SURFACE_LAYERS, p.resolution
+        self.tiles = TileMap(*size, p.max_tiles, p.max_cells, N_SURFACE_VALUES)
         self._path_length = 0.0
 
     def match(self, view: View, owner: int, prior: Prediction, start: Pose2) -> Match:
         """The peak of the posterior near `start`, in the map of the particle `owner`."""
         settings, poses = self._settings(view, prior.information), np.array([start])
         owners, means = np.array([owner]), np.array([prior.pose])
-        posterior = Posterior(self.tiles.tiles, owners, view.pieces, means, prior.information)
-        h, out = _register(posterior, settings, poses)
+        target = Posterior(self.tiles.tiles, owners, view.pieces, means, prior.information)
+        h, out = _register(target, settings, poses)
         variance = max(float(out[0, 5]), view.noise**2)
         x, y, theta = poses[0].tolist()
         pose = Pose2(x, y, float(wrap_angle(theta)))
         return Match(pose, float(out[0, 4]) / view.beams, variance, h[0] / variance)
 
     def propose(
-        self,
-        view: View,
-        means: Floats,
-        information: Floats,
-        candidates: list[Pose2],
-        counts: BeamCounts,
+        self, view: View, means: Floats, information: Floats, loops: list[Pose2], counts: BeamCounts
     ) -> Proposals:
         """Gaussian and weight of every particle, from predicted poses `means` (n, 3).
 
         [Grisetti07] improved proposal; ours: Laplace's approximation at the peak in place of a fit
-        to samples. Along a degenerate direction a particle keeps its predicted position.
-
-        The weight is the likelihood of the beams on old surfaces alone: surfaces of a particle's
-        recent scans match at any drift of its path, and parallel walls at many poses.
-
-        A particle moves to one of the loop closure `candidates` if its old surfaces match more of
-        the scan there, and few beams conflict with free space in the old keyframes' `counts`.
+        to samples. Along a degenerate direction a particle keeps its predicted position. The weight
+        is the likelihood of the beams on old surfaces: recent ones match whatever the drift of the
+        particle's path. A particle moves to one of the loop closure candidates `loops` if its old
+        surfaces match more of the scan there, and few beams end in free space of `counts`.
         """
         n, peaks, settings = len(means), means.copy(), self._settings(view, information)
-        posterior = Posterior(self.tiles.tiles, np.arange(n), view.pieces, means, information)
-        h, out = _register(posterior, settings, peaks)
+        target = Posterior(self.tiles.tiles, np.arange(n), view.pieces, means, information)
+        h, out = _register(target, settings, peaks)
         degenerate = _degenerate_projection(view, float(means[0, 2]))
         peaks -= (peaks - means) @ degenerate
         complete, closes_loop = settings.last_scale**2 * view.beams, np.zeros(n, np.bool_)
         min_gain, min_score = MIN_LOOP_GAIN * complete, MIN_LOOP_SHARE * complete
-        for candidate in candidates:
+        for candidate in loops:
             owners = np.flatnonzero(out[:, 6] < (CHANCE_SHARE + MIN_LOOP_GAIN) * complete)
             poses = np.tile(np.array(candidate), (len(owners), 1))
-            at_candidate = posterior._replace(
-                owners=owners, means=poses.copy(), information=CANDIDATE_INFORMATION
-            )
-            h2, out2 = _register(at_candidate, settings, poses)
+            target = target._replace(owners=owners, means=poses.copy())
+            target = target._replace(information=CANDIDATE_INFORMATION)
+            h2, out2 = _register(target, settings, poses)
             pairs = zip(owners.tolist(), poses, strict=True)
             conflicts = [self.evaluate(view, owner, pose, counts)[1] for owner, pose in pairs]
             verified = out2[:, 6] > np.maximum(out[owners, 6] + min_gain, min_score)
@@ -140,10 +129,10 @@ class SurfaceMatcher:
         return GaussNewton(first, last, p.steps, self._variance(view), old_path_length, hold_steps)
 
 
-def _register(posterior: Posterior, settings: GaussNewton, poses: Floats) -> tuple[Floats, Floats]:
+def _register(target: Posterior, settings: GaussNewton, poses: Floats) -> tuple[Floats, Floats]:
     """Move poses (k, 3) to their peaks in place; information (k, 3, 3) and out (k, 7) there."""
     h, out = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 7))
-    kernels.register(posterior, settings, poses, h, out)
+    kernels.register(target, settings, poses, h, out)
     return h, out
 
 

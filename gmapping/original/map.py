@@ -28,7 +28,7 @@ class HitMap(TileMap):
         )
 
     def match(self, points: Floats, poses: Floats) -> tuple[Floats, int]:
-        """Move the poses to the peaks of their scores; log likelihoods there, number of failures."""
+        """Move poses to the peaks of their scores; log likelihoods there, and failures."""
         log_w = np.zeros(len(poses))
         failed = climb_all(self.tiles, points, self._model, poses, log_w)
         return log_w, failed

@@ -48,9 +48,7 @@ def nearest(tiles: Tiles, particle: int, ix: int, iy: int, x: float, y: float) -
             continue
         jx, jy = ix + bit // 3 - 1, iy + bit % 3 - 1
         slot, k = center_slot, index_in_tile(jx, jy)
-        if (
-            jx >> TILE_BITS != ix >> TILE_BITS or jy >> TILE_BITS != iy >> TILE_BITS
-        ):  # seldom in another tile
+        if jx >> TILE_BITS != ix >> TILE_BITS or jy >> TILE_BITS != iy >> TILE_BITS:
             slot = slot_of(tiles, particle, 0, jx, jy)
         dx, dy = x - tiles.cells[slot, k, 0], y - tiles.cells[slot, k, 1]
         best = min(best, dx * dx + dy * dy)
@@ -150,7 +148,7 @@ def hill_climb(
 def climb_all(
     tiles: Tiles, points: Floats, model: ClimbModel, poses: Floats, out_log_w: Floats
 ) -> int:
-    """Match every particle to its own map and compute its log weight; returns the number of failures.
+    """Match every particle to its own map and weigh it; returns the number of failed matches.
 
     [Grisetti07] original code: the pose becomes the peak, without a draw around it. Where the score
     does not exceed `minimum_score`, the pose is unchanged. points (n, 2); poses (particles, 3) in

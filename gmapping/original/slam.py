@@ -4,7 +4,7 @@
 Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007, as in gmapping of
 OpenSLAM:
 
-1. Motion: every particle moves by the odometry with noise of its own; the pose follows the odometry.
+1. Motion: every particle moves by the odometry with its own noise, the output pose without noise.
 2. At a keyframe every particle climbs to the peak of its score in its own map; its weight is
    multiplied by the likelihood of the scan.
 3. The particles are resampled if n_eff = 1 / sum w^2 is below a share of their number.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gmapping import GMappingParams
-from gmapping.climb_kernels import EndPointModel, climb, distance_cost, log_posterior, sample
+from gmapping.climb_kernels import HitModel, climb, distance_cost, log_posterior, sample
 from gmapping.end_points import EndPointMatcher
 from gmapping.hit_kernels import N_HIT_VALUES, insert_ends
 from gmapping.map import TileMap
@@ -16,7 +16,7 @@ from slams.types import IDENTITY, Pose2
 from tests.gmapping.scenes import drive, position_error, posterior, run, surface_of, view_of
 
 EDGE = 0.05
-MODEL = EndPointModel(4000.0, 0.1, 0.01, 0.005, 3)
+MODEL = HitModel(4000.0, 0.1, 0.01, 0.005, 3)
 THERE = np.array([0.012, -0.008, 0.006])
 
 
@@ -90,7 +90,7 @@ def test_a_posterior_is_prior_and_likelihood_and_given_up_below_a_floor():
     prior = (
         -0.5 * (geometry.STUDENT_DOF + 3.0) * math.log1p(off @ known @ off / geometry.STUDENT_DOF)
     )
-    total, _ = distance_cost(tiles, 0, THERE, ends, MODEL.robust_scale, math.inf)
+    total, _ = distance_cost(tiles, 0, THERE, ends, MODEL.scale, math.inf)
     exact = prior - 0.5 * MODEL.information * total
     args = posterior(tiles, ends, [mean], known), MODEL, 0, THERE
     assert log_posterior(*args, -math.inf) == pytest.approx(exact)
