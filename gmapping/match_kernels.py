@@ -15,7 +15,7 @@ from slams.geometry import add_prior, offset, solve3
 from slams.jit import FAST, njit
 from slams.types import Floats, Pose2
 
-SETTLED_STEP_RATIO = 0.1  # of the robust scale: a longer step does not reduce the scale
+SETTLED_STEP_PER_SCALE = 0.1  # a longer step does not reduce the robust scale
 PEAK_TOLERANCE = 1e-5  # m, rad: a step below it ends the search
 
 
@@ -132,7 +132,7 @@ def register(
             longest = max(abs(step[0]), abs(step[1]), abs(step[2]))
             if scale == settings.last_scale and longest < PEAK_TOLERANCE:
                 break
-            settled = step[0] * step[0] + step[1] * step[1] < (SETTLED_STEP_RATIO * scale) ** 2
+            settled = step[0] * step[0] + step[1] * step[1] < (SETTLED_STEP_PER_SCALE * scale) ** 2
             if settled or number >= settings.hold_steps:
                 scale = max(settings.last_scale, 0.5 * scale)
 

@@ -10,7 +10,7 @@ from gmapping.climb_kernels import HitModel, climb, distance_cost, log_posterior
 from gmapping.end_points import EndPointMatcher
 from gmapping.hit_kernels import N_HIT_VALUES, insert_ends
 from gmapping.map import TileMap
-from gmapping.tile_kernels import cell_of, inside_tile, slot_of
+from gmapping.tile_kernels import cell_of, index_in_tile, slot_of
 from slams import geometry
 from slams.types import IDENTITY, Pose2
 from tests.gmapping.scenes import drive, position_error, posterior, run, surface_of, view_of
@@ -35,7 +35,7 @@ def ends_of(points, beams=1.0):
 
 def cell(tiles, x, y, particle=0):
     ix, iy = cell_of(x, EDGE), cell_of(y, EDGE)
-    return tiles.cells[slot_of(tiles, particle, 0, ix, iy), inside_tile(ix, iy)]
+    return tiles.cells[slot_of(tiles, particle, 0, ix, iy), index_in_tile(ix, iy)]
 
 
 def matched(tiles, ends, start, information, model=MODEL, mean=(0.0, 0.0, 0.0)):
