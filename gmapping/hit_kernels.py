@@ -1,28 +1,28 @@
-"""A map of mean hits, and which of them is nearest to each cell."""
+"""The map of mean hits, and the mean hit that is nearest to each cell."""
 
 from __future__ import annotations
 
 import math
 
-from gmapping.tile_kernels import Tiles, cell_of, inside_tile, own_slot
+from gmapping.tile_kernels import Tiles, cell_of, index_in_tile, own_slot
 from slams.jit import njit
 from slams.types import Floats
 
-# A cell keeps the means of x and y [m] of its hits and their weight; and of the mean hits in the
-# 3 x 3 cells around the one nearest to its center: x, y and from which of them, 1 to 9, 0 if none.
-HIT_DEPTH = 6
+# A cell keeps the mean x and y [m] of its hits and their weight, then the mean hit of the 3 x 3
+# cells around that is nearest to its center: x, y and the number of its cell, 1 to 9, 0 for none.
+N_HIT_VALUES = 6
 
 
 @njit
 def insert_ends(tiles: Tiles, poses: Floats, ends: Floats, cap: float) -> int:
-    """Add every end point to the cell it falls into, in every particle's map.
+    """Add every end point to its cell, in every particle's map.
 
-    [Grisetti07] the map of the beam end point model; ours: the cells around keep the mean hit that
-    is nearest, so that a match looks at one cell in place of nine. poses (particles, 3) m, rad;
-    ends (n, 5) x, y [m] in the base frame, two unused, beams; `cap` on a cell's weight; returns how
-    many cells had no room.
+    [Grisetti07] the map of the beam end point model; ours: the cells around store the nearest mean
+    hit, so that a match reads one cell in place of nine. poses (particles, 3) m, rad; ends (n, 5)
+    x, y [m] in the base frame, two unused, beams; `cap` on a cell's weight; returns the number of
+    cells without a free tile.
     """
-    edge, lacking = tiles.resolution, 0
+    edge, n_dropped = tiles.resolution, 0
     for particle in range(poses.shape[0]):
         c, s = math.cos(poses[particle, 2]), math.sin(poses[particle, 2])
         for i in range(ends.shape[0]):
@@ -31,9 +31,9 @@ def insert_ends(tiles: Tiles, poses: Floats, ends: Floats, cap: float) -> int:
             ix, iy = cell_of(px, edge), cell_of(py, edge)
             slot = own_slot(tiles, particle, 0, ix, iy)
             if slot == 0:
-                lacking += 1
+                n_dropped += 1
                 continue
-            cell = tiles.cells[slot, inside_tile(ix, iy)]
+            cell = tiles.cells[slot, index_in_tile(ix, iy)]
             total = cell[2] + ends[i, 4]
             gain = ends[i, 4] / total
             cell[0] += gain * (px - cell[0])
@@ -45,10 +45,10 @@ def insert_ends(tiles: Tiles, poses: Floats, ends: Floats, cap: float) -> int:
                 slot = own_slot(tiles, particle, 0, jx, jy)
                 if slot == 0:
                     continue
-                near = tiles.cells[slot, inside_tile(jx, jy)]
+                around = tiles.cells[slot, index_in_tile(jx, jy)]
                 cx, cy = jx * edge, jy * edge
-                before = (near[3] - cx) ** 2 + (near[4] - cy) ** 2
-                nearer = (hx - cx) ** 2 + (hy - cy) ** 2 < before
-                if near[5] == 0.0 or near[5] == number + 1.0 or nearer:
-                    near[3], near[4], near[5] = hx, hy, number + 1.0
-    return lacking
+                stored = (around[3] - cx) ** 2 + (around[4] - cy) ** 2
+                nearer = (hx - cx) ** 2 + (hy - cy) ** 2 < stored
+                if around[5] == 0.0 or around[5] == number + 1.0 or nearer:
+                    around[3], around[4], around[5] = hx, hy, number + 1.0
+    return n_dropped

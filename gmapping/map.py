@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gmapping.tile_kernels import CELLS, SIDE, Tiles, inherit
+from gmapping.tile_kernels import TILE_CELLS, TILE_SIDE, Tiles, inherit
 from slams.cells import GridStorage, move, zeros
 from slams.grid_bounds import DEFAULT_MAX_CELLS, Box, GridBounds
 from slams.types import Floats, Pose2
 
-MOST_POINTERS = 1 << 28  # of all tables together: 1 GB
+MAX_TABLE_ENTRIES = 1 << 28  # of all tables together: 1 GB
 
 
 class TileMap:
     """One map per particle; equal parts are stored once until one particle writes to them.
 
-    `tiles` is what kernels take; it is replaced when the tables grow, so it is asked for anew
-    before every call. Pool and tables are reserved whole: memory that was not written to costs
-    nothing, and only a long, narrow map ever moves its tables.
+    `tiles` is the argument of kernels; growing tables replaces it, so a caller reads it before each
+    call. Pool and tables are reserved at full size: unused memory costs nothing, and only a long,
+    narrow map ever moves its tables. A cell has `n_values` numbers.
     """
 
     def __init__(
@@ -31,60 +31,60 @@ class TileMap:
         resolution: float,
         max_tiles: int,
         max_cells: int = DEFAULT_MAX_CELLS,
-        depth: int = 4,
+        n_values: int = 4,
     ) -> None:
-        most = MOST_POINTERS * CELLS // (n_particles * layers)
-        self.extent = GridBounds(min(max_cells, most), resolution)
-        self._room = GridStorage(min(max_cells, most), resolution, SIDE)
+        max_cells = min(max_cells, MAX_TABLE_ENTRIES * TILE_CELLS // (n_particles * layers))
+        self.bounds = GridBounds(max_cells, resolution)
+        self._storage = GridStorage(max_cells, resolution, TILE_SIDE)
         self.tiles = Tiles(
-            cells=zeros((max_tiles + 1, CELLS, depth), np.float32),
+            cells=zeros((max_tiles + 1, TILE_CELLS, n_values), np.float32),
             tables=self._tables(n_particles, layers),
             references=np.zeros(max_tiles + 1, np.int32),
             free=np.concatenate([[max_tiles], np.arange(max_tiles, 0, -1)]).astype(np.int32),
             window=np.array((0, 0, -1, -1)),
-            corner_x=self._room.x0 // SIDE,
-            corner_y=self._room.y0 // SIDE,
+            corner_x=self._storage.x0 // TILE_SIDE,
+            corner_y=self._storage.y0 // TILE_SIDE,
             resolution=resolution,
         )
 
     @property
     def used(self) -> int:
-        """Tiles in use now."""
+        """Number of tiles in use."""
         return len(self.tiles.references) - 1 - int(self.tiles.free[0])
 
     @property
     def counts(self) -> dict[str, Any]:
-        """What the maps take, and where they might not grow, for a report."""
+        """Size of the maps, and counts of scans beyond their bounds, for a report."""
         tiles = {"particles": self.tiles.tables.shape[2], "tiles": self.used}
-        return tiles | self.extent.counts
+        return tiles | self.bounds.counts
 
-    def admits(self, pose: Pose2, far: float) -> bool:
-        """Whether the maps may grow to what is at most `far` [m] away from `pose`."""
-        return self.extent.admits(Box.around(pose.x, pose.y, far))
+    def admits(self, pose: Pose2, radius: float) -> bool:
+        """Whether the maps may grow to all points within `radius` [m] of `pose`."""
+        return self.bounds.admits(Box.around(pose.x, pose.y, radius))
 
-    def face(self, heading: float) -> None:
-        """Tell layers apart by walls that face `heading` [rad] and its right angles."""
+    def set_axis(self, heading: float) -> None:
+        """Separate the layers by normals near `heading` [rad] and its right angles."""
         self.tiles = self.tiles._replace(axis_x=math.cos(heading), axis_y=math.sin(heading))
 
-    def cover(self, poses: Floats, far: float) -> None:
-        """Let the tables reach `far` [m] around all poses (n, 3), if they may grow so far."""
-        low, high = poses[:, :2].min(axis=0) - far, poses[:, :2].max(axis=0) + far
-        if not self.extent.admits(Box(*low.tolist(), *high.tolist())):
+    def cover(self, poses: Floats, radius: float) -> None:
+        """Extend the tables by `radius` [m] around all poses (n, 3), within the bounds."""
+        low, high = poses[:, :2].min(axis=0) - radius, poses[:, :2].max(axis=0) + radius
+        if not self.bounds.admits(Box(*low.tolist(), *high.tolist())):
             return
         edge, old = self.tiles.resolution, self.tiles.tables
-        added = self._room.reach(Box(*(low - edge).tolist(), *(high + edge).tolist()))
+        added = self._storage.reach(Box(*(low - edge).tolist(), *(high + edge).tolist()))
         if added is None:
             return
-        below, left = (cells // SIDE for cells in added)
+        below, left = (cells // TILE_SIDE for cells in added)
         tables = self._tables(*old.shape[2:])
         move(old, tables, below, left)
         x, y = self.tiles.corner_x - left, self.tiles.corner_y - below
         self.tiles = self.tiles._replace(tables=tables, corner_x=x, corner_y=y)
 
     def _tables(self, n_particles: int, layers: int) -> NDArray[np.int32]:
-        shape = self._room.height // SIDE, self._room.width // SIDE
+        shape = self._storage.height // TILE_SIDE, self._storage.width // TILE_SIDE
         return zeros((*shape, n_particles, layers), np.int32)
 
     def inherit(self, ancestors: NDArray[np.int64]) -> None:
-        """Hand every particle its ancestor's map, without copying tiles; ancestors keep theirs."""
+        """Give every particle its ancestor's map without copying tiles; survivors keep theirs."""
         inherit(self.tiles, ancestors)

@@ -17,7 +17,7 @@ ORIGINAL = "original code"
 
 @dataclass(frozen=True)
 class GMappingParams(ScanParams, FrontendParams):
-    """Parameters of the default, `GMapping`; the published program has its own."""
+    """Parameters of the default, `GMapping`; those of the published program are in `original`."""
 
     ROS: ClassVar[RosNames | None] = ROS_NAMES
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {
@@ -28,15 +28,15 @@ class GMappingParams(ScanParams, FrontendParams):
     refine: bool = param(
         True,
         "1",
-        "match to surfaces inside the cells, in place of the end points' climb",
-        source="ours: exact to below a cell",
+        "match to surfaces inside the cells, in place of hill climbing on end points",
+        source="ours: accuracy below a cell",
         switch=True,
     )
     n_particles: int = param(
         15,
         "1",
         "number of particles",
-        source="ours: 30 take twice the time of a keyframe",
+        source="ours: 30 double the time of a keyframe",
         low=1,
         high=20_000,
         ros=("particles",),
@@ -47,7 +47,7 @@ class GMappingParams(ScanParams, FrontendParams):
     linear_update: float = param(
         0.2,
         "m",
-        "way between keyframes",
+        "distance between keyframes",
         source="ours: every scan is matched",
         low=0.0,
         ros=("linearUpdate",),
@@ -55,7 +55,7 @@ class GMappingParams(ScanParams, FrontendParams):
     angular_update: float = param(
         0.2,
         "rad",
-        "turn between keyframes",
+        "rotation between keyframes",
         source="ours: every scan is matched",
         low=0.0,
         ros=("angularUpdate",),
@@ -64,7 +64,7 @@ class GMappingParams(ScanParams, FrontendParams):
         10,
         "1",
         "scans at the start that are all keyframes",
-        source="ours: or the first scan's noise stays in every later pose",
+        source="ours: the noise of a single first scan would stay in every later pose",
         low=1,
         high=10_000,
     )
@@ -80,51 +80,51 @@ class GMappingParams(ScanParams, FrontendParams):
     way_noise: float = param(
         0.01,
         "1",
-        "noise of the tracked way between keyframes [m, rad] per m and rad of it",
+        "noise [m, rad] of the tracked motion between keyframes, per m and rad of motion",
         source="ours: matching decides, not odometry",
         low=0.0,
     )
     key_noise: float = param(
         0.005,
         "m",
-        "noise [m, rad] between keyframes beside that of the motion",
-        source="ours: rate of the scans does not matter",
+        "constant noise [m, rad] of the tracked motion between keyframes",
+        source="ours: independent of the scan rate",
         low=1e-5,
     )
     band: int = param(
         2,
         "cell",
         "cells kept on either side of a surface, and reach of the first step",
-        source="ours: the basin",
+        source="ours: basin of convergence",
         low=1,
         high=8,
     )
     cap: float = param(
-        100.0, "1", "greatest weight of a cell: the map can follow changes", source="ours", low=1.0
+        100.0, "1", "maximum weight of a cell: the map follows changes", source="ours", low=1.0
     )
     width: float = param(
-        0.03, "m", "deviation of an outlier at the last step", source="ours", low=0.001
+        0.03, "m", "scale of the robust weights at the last step", source="ours", low=0.001
     )
     steps: int = param(8, "1", "Gauss-Newton steps at most", source="ours", low=1, high=1_000)
     independent: float = param(
         100.0,
         "1",
-        "independent beams in a scan, for the weights",
+        "independent beams of a scan, for weights",
         source="ours: in place of ogain",
         low=1.0,
     )
     spread: float = param(
         0.5,
         "1",
-        "draws from the proposal, in its standard deviations",
+        "scale of the draws from the proposal, in standard deviations",
         source="[Grisetti07] improved proposal, which has 1",
         low=0.0,
     )
     grain: float = param(
         0.04,
         "m",
-        "beams that end so close together become their mean",
-        source="ours: the basin",
+        "beams that end within this distance become one piece of surface",
+        source="ours: basin of convergence",
         low=0.0,
     )
     max_range: float = param(
@@ -147,7 +147,7 @@ class GMappingParams(ScanParams, FrontendParams):
     occupied: float = param(
         0.25,
         "1",
-        "share of hits above which a cell of the original's picture is a wall",
+        "share of hits above which a cell of the map is a wall",
         source=ORIGINAL,
         low=0.01,
         high=0.99,

@@ -11,20 +11,20 @@ from slams.types import Floats, Pose2, wrap_angle
 
 
 class Proposals(NamedTuple):
-    """The Gaussians that particles are drawn from, and what they make of the weights.
+    """The Gaussians that particles are drawn from, and the factors of their weights.
 
-    Peaks (n, 3), lower triangles L (n, 3, 3) of their information L L^T, log weights (n,), and
-    which of them (n,) are where the robot was long ago: a loop closes.
+    Peaks (n, 3), lower triangles L (n, 3, 3) of the information L L^T, log weights (n,), and
+    whether each particle has moved to a loop closure candidate (n,).
     """
 
     peaks: Floats
     factors: Floats
     log_w: Floats
-    closes: NDArray[np.bool_]
+    closes_loop: NDArray[np.bool_]
 
 
 def normalize(log_w: Floats, temper: float) -> tuple[Floats, float]:
-    """Weights that sum to 1 from log weights over `temper`; and n_eff = 1 / sum w^2."""
+    """Weights that sum to 1, from log weights divided by `temper`, and n_eff = 1 / sum w^2."""
     w = np.exp((log_w - log_w.max()) / temper)
     w /= w.sum()
     return w, 1.0 / float(np.sum(w * w))
@@ -38,8 +38,8 @@ def systematic(w: Floats, u: float) -> NDArray[np.int64]:
     return np.asarray(np.minimum(ancestors, last), np.int64)
 
 
-def staying(ancestors: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The same generation in an order in which who lives on stays where it is."""
+def survivors_in_place(ancestors: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Reorder ancestors so that every particle with offspring is its own ancestor."""
     n = len(ancestors)
     children = np.bincount(ancestors, minlength=n)
     out = np.arange(n)
@@ -50,19 +50,19 @@ def staying(ancestors: NDArray[np.int64]) -> NDArray[np.int64]:
 class Particles:
     """Robot poses (n, 3) with log weights, each at the end of a history of its own.
 
-    `log_w` has grown since the last resampling, `lifetime` since the start; `best` is the one that
-    is reported. Histories are one tree: nodes know their parent. ours: if `steady`, the one that is
-    reported lives on, in place of a twin.
+    `log_w` sums log weights since the last resampling, `lifetime` since the start. `output` is the
+    index of the particle whose pose and map are the result. The histories form one tree, whose
+    nodes point to their parents. ours: if `keep_output`, resampling never drops that particle.
     """
 
-    def __init__(self, n: int, steady: bool = False) -> None:
-        self._steady = steady
+    def __init__(self, n: int, keep_output: bool = False) -> None:
+        self._keep_output = keep_output
         self.poses = np.zeros((n, 3))
         self.log_w = np.zeros(n)
         self.lifetime = np.zeros(n)
         self.w = np.full(n, 1.0 / n)
         self.n_eff = float(n)
-        self.best = 0
+        self.output = 0
         self._leaves = np.full(n, -1, np.int64)
         self._parents: list[NDArray[np.int64]] = []
         self._nodes: list[Floats] = []
@@ -71,9 +71,9 @@ class Particles:
         return len(self.poses)
 
     @property
-    def best_pose(self) -> Pose2:
-        """Pose of the particle that is reported."""
-        x, y, theta = self.poses[self.best].tolist()
+    def output_pose(self) -> Pose2:
+        """Pose of the output particle."""
+        x, y, theta = self.poses[self.output].tolist()
         return Pose2(x, y, float(wrap_angle(theta)))
 
     def move(self, steps: Floats) -> None:
@@ -85,20 +85,20 @@ class Particles:
         self.poses[:, 2] += steps[:, 2]
 
     def spread(self) -> Floats:
-        """Covariance (3, 3) of the poses around the reported one [m, rad]."""
-        off = self.poses - self.poses[self.best]
-        off[:, 2] = wrap_angle(off[:, 2])
-        covariance: Floats = off.T @ off / len(off)
+        """Covariance (3, 3) of the poses around that of the output particle [m, rad]."""
+        offsets = self.poses - self.poses[self.output]
+        offsets[:, 2] = wrap_angle(offsets[:, 2])
+        covariance: Floats = offsets.T @ offsets / len(offsets)
         return covariance
 
     def weigh(self, log_w: Floats, temper: float) -> None:
-        """Multiply the weights by the likelihood of a scan."""
+        """Multiply the weights by the likelihood of a scan, given as logarithms (n,)."""
         self.log_w += log_w
         self.lifetime += log_w - log_w.max()
         self.w, self.n_eff = normalize(self.log_w, temper)
 
     def draw(self, proposals: Proposals, normals: Floats) -> None:
-        """Go to draws from the proposals, by standard normals (n, 3)."""
+        """Draw the poses from their proposals, with standard normal deviates (n, 3)."""
         upper = proposals.factors.transpose(0, 2, 1)
         self.poses[:] = proposals.peaks + np.linalg.solve(upper, normals[..., None])[..., 0]
         self.poses[:, 2] = wrap_angle(self.poses[:, 2])
@@ -106,28 +106,28 @@ class Particles:
     def draw_ancestors(self, u: float) -> NDArray[np.int64]:
         """Ancestors of the next generation by systematic resampling with one draw u."""
         ancestors = systematic(self.w, u)
-        if self._steady and self.best not in ancestors:
+        if self._keep_output and self.output not in ancestors:  # in place of a twin
             twins = np.flatnonzero(ancestors == np.bincount(ancestors).argmax())
-            ancestors[twins[-1]] = self.best
-        return staying(ancestors)
+            ancestors[twins[-1]] = self.output
+        return survivors_in_place(ancestors)
 
-    def follow(self, ancestors: NDArray[np.int64]) -> None:
-        """Become the children of these ancestors, all of one weight."""
+    def inherit(self, ancestors: NDArray[np.int64]) -> None:
+        """Replace every particle by a copy of its ancestor (n,), all with equal weights."""
         self.poses = self.poses[ancestors]
         self.lifetime = self.lifetime[ancestors]
         self._leaves = self._leaves[ancestors]
         self.log_w[:] = 0.0
         self.w = np.full(len(self), 1.0 / len(self))
-        children = np.flatnonzero(ancestors == self.best)
-        self.best = int(children[0]) if len(children) else int(np.argmax(self.lifetime))
+        children = np.flatnonzero(ancestors == self.output)
+        self.output = int(children[0]) if len(children) else int(np.argmax(self.lifetime))
 
-    def leader(self) -> int:
-        """The particle of greatest lifetime weight; the reported one if none leads it."""
-        leader = int(np.argmax(self.lifetime))
-        return leader if self.lifetime[leader] > self.lifetime[self.best] else self.best
+    def best(self) -> int:
+        """Index of the particle with the greatest lifetime weight; of equals the output one."""
+        best = int(np.argmax(self.lifetime))
+        return best if self.lifetime[best] > self.lifetime[self.output] else self.output
 
-    def remember(self) -> None:
-        """Add a node to every particle's history."""
+    def append_to_history(self) -> None:
+        """Add the present poses to the particles' histories."""
         self._parents.append(self._leaves)
         self._nodes.append(self.poses.copy())
         self._leaves = np.arange(len(self))

@@ -1,4 +1,4 @@
-"""Kernels of the picture of one particle's history: beams that ended in a cell and came by."""
+"""Kernels of the grid drawn from one particle's history: hits and visits of every cell."""
 
 from __future__ import annotations
 
@@ -11,43 +11,42 @@ from gmapping.tile_kernels import cell_of
 from slams.jit import njit
 from slams.types import Floats
 
-COARSE = 2  # bits: a cell of `walls` has 4 x 4 cells
-FREE_VISITS, FREE_SHARE = 3, 0.15  # beams that came by a free cell, at least; hits among them
+COARSE_BITS = 2  # a cell of `coarse_hits` has 4 x 4 cells
+MIN_FREE_VISITS, MAX_FREE_HIT_SHARE = 3, 0.15  # visits of a free cell; share of hits among them
 
 
-class Counts(NamedTuple):
-    """How often beams ended in a cell (`hits`), and how often one came by (`visits`), (ny, nx).
+class BeamCounts(NamedTuple):
+    """Beams that ended in a cell (`hits`), and that passed or ended in it (`visits`), (ny, nx).
 
-    `walls` (ny / 4, nx / 4) hits of coarse cells; `x0`, `y0` index of the cell [0, 0], whose center
-    is index * `resolution` [m].
+    `coarse_hits` (ny / 4, nx / 4): hits of coarse cells; `x0`, `y0`: index of the cell [0, 0];
+    the center of a cell is its index * `resolution` [m].
     """
 
     hits: NDArray[np.int32]
     visits: NDArray[np.int32]
-    walls: NDArray[np.int32]
+    coarse_hits: NDArray[np.int32]
     x0: int
     y0: int
     resolution: float
 
 
 @njit(inner=True, borrows=True)
-def is_free(counts: Counts, x: float, y: float) -> bool:
-    """Whether beams came by a point [m] and did not end there. ours: free-space conflict."""
+def is_free(counts: BeamCounts, x: float, y: float) -> bool:
+    """Whether beams passed a point [m] and did not end there. ours: free-space conflict."""
     u = cell_of(x, counts.resolution) - counts.x0
     v = cell_of(y, counts.resolution) - counts.y0
     if not (0 <= u < counts.hits.shape[1] and 0 <= v < counts.hits.shape[0]):
         return False
     visits = counts.visits[v, u]
-    return bool(visits >= FREE_VISITS and counts.hits[v, u] < FREE_SHARE * visits)
+    return bool(visits >= MIN_FREE_VISITS and counts.hits[v, u] < MAX_FREE_HIT_SHARE * visits)
 
 
 @njit
-def draw(scan: Floats, counts: Counts, times: int) -> None:
-    """Count for every cell how often a beam ended in it and how often one came by.
+def draw(scan: Floats, counts: BeamCounts, times: int) -> None:
+    """Add the beams of a scan to the hits and visits of the cells.
 
-    [Grisetti07] original code, map of the best particle; Bresenham's line.
-    scan (n + 1, 2) m in the map: end points, and last the laser; `times` 1, or -1 to take back what
-    was drawn.
+    [Grisetti07] original code, map of the best particle; Bresenham's line. scan (n + 1, 2) m in
+    the map: end points, and last the laser; `times` 1, or -1 to remove what was drawn.
     """
     edge, hits, visits = counts.resolution, counts.hits, counts.visits
     sx, sy = cell_of(scan[-1, 0], edge) - counts.x0, cell_of(scan[-1, 1], edge) - counts.y0
@@ -71,4 +70,4 @@ def draw(scan: Floats, counts: Counts, times: int) -> None:
         if 0 <= x < width and 0 <= y < height:
             visits[y, x] += times
             hits[y, x] += times
-            counts.walls[y >> COARSE, x >> COARSE] += times
+            counts.coarse_hits[y >> COARSE_BITS, x >> COARSE_BITS] += times

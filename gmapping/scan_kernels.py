@@ -1,4 +1,4 @@
-"""From end points to small pieces of surface."""
+"""Kernel that merges end points into small pieces of surface."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from slams.jit import njit
 from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2
 
-GRAZING = 0.1  # cosine between beam and normal; walls seen more edge-on say nothing
-STEP = 0.12  # m that ranges differ by from one thing to the next
+MIN_INCIDENCE_COSINE = 0.1  # between beam and normal; hits on a wall seen edge-on are left out
+MIN_RANGE_STEP = 0.12  # m between the ranges of neighboring beams on two separate objects
 
 
 @njit(inner=True, borrows=True)
 def is_post(points: Points, n: int, i: int, mount: Pose2, far: float) -> bool:
-    """Whether more of the beams beside an end point `far` [m] away are farther than are nearer.
+    """Whether an isolated end point at range `far` [m] stands in front of its neighbors, as a post.
 
-    ours: what has no neighbors on a wall seen edge-on lies between a nearer one and a farther one,
-    or at the far end of a corridor, behind both.
+    ours: an isolated point on a wall seen edge-on lies between a nearer and a farther neighbor; at
+    the far end of a corridor it lies behind both.
     """
     farther = 0
     for k in (i - 1, i + 1):
         if 0 <= k < n:
             beyond = math.hypot(points[0, k] - mount.x, points[1, k] - mount.y) - far
-            farther += int(beyond > STEP) - int(beyond < -STEP)
+            farther += int(beyond > MIN_RANGE_STEP) - int(beyond < -MIN_RANGE_STEP)
     return farther > 0
 
 
 @njit
 def pieces(points: Points, normals: Points, n: int, mount: Pose2, grain: float, out: Floats) -> int:
-    """Beams that end within `grain` [m] of each other become one piece of surface.
+    """Merge beams that end within `grain` [m] of each other into one piece of surface.
 
-    ours: their mean and the mean of their normals, toward the laser. A piece without normals looks
-    at the laser: a post, or the frame of a door, tells along a corridor what its walls do not. What
-    is seen edge-on is left out. points, normals (2 or 3, >= n) of `EndPoints`; out (>= n, 5) rows
-    x, y [m], nx, ny, how many beams; returns how many.
+    ours: a piece has the mean of its end points and normals. A piece without normals faces the
+    laser: a post or a door frame constrains the position along a corridor. A piece seen edge-on is
+    left out. points, normals (2 or 3, >= n) as in `EndPoints`; out (>= n, 5) rows x, y [m], nx, ny,
+    number of beams; returns the number of pieces.
     """
     count, i = 0, 0
     while i < n:
@@ -53,7 +53,7 @@ def pieces(points: Points, normals: Points, n: int, mount: Pose2, grain: float, 
             continue
         if length > 0.0:
             nx, ny = nx / length, ny / length
-            if nx * bx + ny * by < GRAZING * far:
+            if nx * bx + ny * by < MIN_INCIDENCE_COSINE * far:
                 continue
         else:
             if beams == 1 and not is_post(points, n, first, mount, far):

@@ -1,4 +1,4 @@
-"""Maps of many particles in one pool of tiles, shared until written to."""
+"""Maps of many particles in one pool of tiles, which particles share until one writes to them."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 
 from slams.jit import njit
 
-BITS = 4
-SIDE = 1 << BITS
-CELLS = SIDE * SIDE
-LAST = SIDE - 1
+TILE_BITS = 4  # of a cell index: its position within the tile
+TILE_SIDE = 1 << TILE_BITS
+TILE_CELLS = TILE_SIDE * TILE_SIDE
+TILE_MASK = TILE_SIDE - 1  # selects these bits
 
 
 class Tiles(NamedTuple):
     """The maps of all particles: tables of slots in one pool.
 
-    `cells` (slots, CELLS, k) k numbers a cell, whatever the matcher keeps there; `tables`
-    (ny, nx, particles, layers) slot of each tile, 0 = never touched: reserved for the largest map,
-    in memory where it was touched; `references` (slots,) how many tables point at a slot; `free`
-    (slots,) how many slots are free, then these slots; `window` (4,) indices of the tiles that were
-    touched: first x, y, last x, y; `corner_x`, `corner_y` index of tables[0, 0]; `resolution` [m];
-    `axis_x`, `axis_y` a unit vector, the way one of the walls faces.
+    `cells` (slots, TILE_CELLS, k): k numbers per cell, defined by the matcher; `tables` (ny, nx,
+    particles, layers): slot of each tile, 0 = never written; the address space is reserved for the
+    largest map, memory is used where it was written; `references` (slots,): number of table entries
+    that point at a slot; `free` (slots,): number of free slots, then these slots; `window` (4,):
+    first x, y and last x, y of the tiles that were written; `corner_x`, `corner_y`: index of
+    tables[0, 0]; `resolution` [m]; `axis_x`, `axis_y`: unit vector, normal of one of the walls.
     """
 
     cells: NDArray[np.float32]
@@ -46,15 +46,15 @@ def cell_of(coordinate: float, resolution: float) -> int:
 
 
 @njit(inner=True, borrows=True)
-def inside_tile(ix: int, iy: int) -> int:
-    """Place of a cell in its tile, row by row. ours."""
-    return ((iy & LAST) << BITS) | (ix & LAST)
+def index_in_tile(ix: int, iy: int) -> int:
+    """Index of a cell in its tile, row by row. ours."""
+    return ((iy & TILE_MASK) << TILE_BITS) | (ix & TILE_MASK)
 
 
 @njit(inner=True, borrows=True)
 def slot_of(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
-    """Slot of the tile that holds a cell, 0 if absent or outside. ours."""
-    tx, ty = (ix >> BITS) - tiles.corner_x, (iy >> BITS) - tiles.corner_y
+    """Slot of the tile with a cell; 0 if it was never written or is outside. ours."""
+    tx, ty = (ix >> TILE_BITS) - tiles.corner_x, (iy >> TILE_BITS) - tiles.corner_y
     if tx < 0 or ty < 0 or ty >= tiles.tables.shape[0] or tx >= tiles.tables.shape[1]:
         return 0
     slot: int = tiles.tables[ty, tx, particle, layer]
@@ -63,11 +63,11 @@ def slot_of(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
 
 @njit(inner=True, borrows=True)
 def own_slot(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
-    """Slot of a tile that only this particle has, to write to; 0 if there is no room.
+    """Slot of the tile with a cell, for writing by this particle alone; 0 if none is free.
 
-    ours: copy on write; a tile is copied only while another table points at it too.
+    ours: copy on write; a tile is copied only while other table entries point at it.
     """
-    tx, ty = (ix >> BITS) - tiles.corner_x, (iy >> BITS) - tiles.corner_y
+    tx, ty = (ix >> TILE_BITS) - tiles.corner_x, (iy >> TILE_BITS) - tiles.corner_y
     if tx < 0 or ty < 0 or ty >= tiles.tables.shape[0] or tx >= tiles.tables.shape[1]:
         return 0
     old: int = tiles.tables[ty, tx, particle, layer]
@@ -80,12 +80,12 @@ def own_slot(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
     tiles.references[new] = 1
     tiles.tables[ty, tx, particle, layer] = new
     if old == 0:  # free slots are zero
-        x, y, window = ix >> BITS, iy >> BITS, tiles.window
+        x, y, window = ix >> TILE_BITS, iy >> TILE_BITS, tiles.window
         window[0], window[1] = min(window[0], x), min(window[1], y)
         window[2], window[3] = max(window[2], x), max(window[3], y)
         return new
     tiles.references[old] -= 1
-    for k in range(CELLS):  # loops: assigning slices takes numba seconds to compile
+    for k in range(TILE_CELLS):  # loops: assigning slices takes numba seconds to compile
         for j in range(tiles.cells.shape[2]):
             tiles.cells[new, k, j] = tiles.cells[old, k, j]
     return new
@@ -93,26 +93,26 @@ def own_slot(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
 
 @njit
 def inherit(tiles: Tiles, ancestors: NDArray[np.int64]) -> None:
-    """Hand every particle the map of its ancestor, which keeps its own; unused slots become free.
+    """Give every particle the map of its ancestor, which is its own ancestor; free unused slots.
 
-    ours: tables are copied, tiles only counted, and those of the past both have in common. Free
-    slots are made zero: what is zero takes no room in a saved state.
+    ours: table entries are copied, tiles only counted. Where the maps were equal before, nothing is
+    done. Freed slots are set to zero: zeros take no space in a saved state.
     """
     _, _, n, layers = tiles.tables.shape
     for y in range(tiles.window[1], tiles.window[3] + 1):
         for x in range(tiles.window[0], tiles.window[2] + 1):
-            here, seen = tiles.tables[y - tiles.corner_y, x - tiles.corner_x], 0
-            for particle in range(n):  # most of a window was never touched
+            entries, any_slot = tiles.tables[y - tiles.corner_y, x - tiles.corner_x], 0
+            for particle in range(n):  # most of a window was never written
                 for layer in range(layers):
-                    seen |= here[particle, layer]
-            if seen == 0:
+                    any_slot |= entries[particle, layer]
+            if any_slot == 0:
                 continue
             for particle in range(n):
                 for layer in range(layers):
-                    slot, new = here[particle, layer], here[ancestors[particle], layer]
+                    slot, new = entries[particle, layer], entries[ancestors[particle], layer]
                     if slot == new:
                         continue
-                    here[particle, layer] = new
+                    entries[particle, layer] = new
                     if new > 0:
                         tiles.references[new] += 1
                     if slot == 0:
@@ -121,6 +121,6 @@ def inherit(tiles: Tiles, ancestors: NDArray[np.int64]) -> None:
                     if tiles.references[slot] == 0:
                         tiles.free[0] += 1
                         tiles.free[tiles.free[0]] = slot
-                        for k in range(CELLS):
+                        for k in range(TILE_CELLS):
                             for j in range(tiles.cells.shape[2]):
                                 tiles.cells[slot, k, j] = 0.0

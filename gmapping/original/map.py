@@ -12,7 +12,7 @@ from slams.types import Floats
 
 
 class HitMap(TileMap):
-    """Tiles whose cells keep mean and number of the hits, and where hits are near."""
+    """Tiles whose cells keep mean and number of the hits, and which neighbors have hits."""
 
     def __init__(self, params: OriginalParams, n_particles: int) -> None:
         tiles = params.max_tiles, params.max_cells
@@ -28,11 +28,11 @@ class HitMap(TileMap):
         )
 
     def match(self, points: Floats, poses: Floats) -> tuple[Floats, int]:
-        """Move every pose to the peak of its score; log likelihoods there, how many failed."""
+        """Move poses to the peaks of their scores; log likelihoods there, and failures."""
         log_w = np.zeros(len(poses))
         failed = climb_all(self.tiles, points, self._model, poses, log_w)
         return log_w, failed
 
     def insert(self, points: Floats, poses: Floats) -> bool:
-        """Write the points into the particles' maps, at these poses; False if there was no room."""
+        """Insert the points into the particles' maps at these poses; False if no tile was free."""
         return insert_hits(self.tiles, poses, points) == 0

@@ -25,20 +25,10 @@ class OriginalParams(Params):
         0.05, "m", "edge of a cell", source=ORIGINAL, low=0.01, high=1.0, ros=("delta",)
     )
     linear_update: float = param(
-        1.0,
-        "m",
-        "way between keyframes",
-        source=ORIGINAL,
-        low=0.0,
-        ros=("linearUpdate",),
+        1.0, "m", "distance between keyframes", source=ORIGINAL, low=0.0, ros=("linearUpdate",)
     )
     angular_update: float = param(
-        0.5,
-        "rad",
-        "turn between keyframes",
-        source=ORIGINAL,
-        low=0.0,
-        ros=("angularUpdate",),
+        0.5, "rad", "rotation between keyframes", source=ORIGINAL, low=0.0, ros=("angularUpdate",)
     )
     resample_threshold: float = param(
         0.5,
@@ -53,28 +43,13 @@ class OriginalParams(Params):
         0.1, "1", "translation noise per translation", source=ORIGINAL, low=0.0, ros=("srr",)
     )
     turn_per_way: float = param(
-        0.2,
-        "1",
-        "rotation noise [rad] per translation [m]",
-        source=ORIGINAL,
-        low=0.0,
-        ros=("srt",),
+        0.2, "1", "rotation noise [rad] per translation [m]", source=ORIGINAL, low=0.0, ros=("srt",)
     )
     way_per_turn: float = param(
-        0.1,
-        "1",
-        "translation noise [m] per rotation [rad]",
-        source=ORIGINAL,
-        low=0.0,
-        ros=("str",),
+        0.1, "1", "translation noise [m] per rotation [rad]", source=ORIGINAL, low=0.0, ros=("str",)
     )
     turn_per_turn: float = param(
-        0.2,
-        "1",
-        "rotation noise per rotation",
-        source=ORIGINAL,
-        low=0.0,
-        ros=("stt",),
+        0.2, "1", "rotation noise per rotation", source=ORIGINAL, low=0.0, ros=("stt",)
     )
     beam_offset: float = param(
         -0.5,
@@ -121,28 +96,18 @@ class OriginalParams(Params):
         ros=("iterations",),
     )
     gain: float = param(
-        3.0,
-        "1",
-        "tempers weights by 1 / (gain N)",
-        source=ORIGINAL,
-        low=0.01,
-        ros=("ogain",),
+        3.0, "1", "log weights are divided by gain * N", source=ORIGINAL, low=0.01, ros=("ogain",)
     )
     minimum_score: float = param(
-        0.0,
-        "1",
-        "score a match must exceed",
-        source=ORIGINAL,
-        low=0.0,
-        ros=("minimumScore",),
+        0.0, "1", "score a match must exceed", source=ORIGINAL, low=0.0, ros=("minimumScore",)
     )
     missed: float = param(
-        0.5, "1", "cost of a beam without a hit near [m^2]", source=ORIGINAL, low=0.0
+        0.5, "1", "squared distance of a beam without a hit nearby [m^2]", source=ORIGINAL, low=0.0
     )
     occupied: float = param(
         0.25,
         "1",
-        "share of hits above which a cell of the picture is a wall",
+        "share of hits above which a cell of the map is a wall",
         source=ORIGINAL,
         low=0.01,
         high=0.99,

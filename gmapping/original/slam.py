@@ -1,16 +1,15 @@
 """The published program of GMapping: a particle filter with a hill climb per particle.
 
 [Grisetti07] G. Grisetti, C. Stachniss, W. Burgard, "Improved Techniques for Grid Mapping with
-Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007, as gmapping of
-OpenSLAM has it:
+Rao-Blackwellized Particle Filters", IEEE Transactions on Robotics 23(1), 2007, as in gmapping of
+OpenSLAM:
 
-1. Motion: every particle moves by the odometry, with noise of its own; that is the pose published.
-2. At a keyframe every particle climbs to the peak of its score in its own map; its weight grows by
-   the scan's likelihood there.
-3. The number of effective particles n_eff = 1 / sum w^2 follows from the weights; below a share of
-   the particles they are resampled.
-4. The end points are written into every particle's map.
-5. The particle of greatest weight over its life is the one that is reported.
+1. Motion: every particle moves by the odometry with its own noise, the output pose without noise.
+2. At a keyframe every particle climbs to the peak of its score in its own map; its weight is
+   multiplied by the likelihood of the scan.
+3. The particles are resampled if n_eff = 1 / sum w^2 is below a share of their number.
+4. The end points are inserted into every particle's map.
+5. The best particle, of greatest lifetime weight, is the output: its pose and map are the result.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
 
 class Original:
-    """gmapping; `quality` is the share of the particles whose last climb has not failed."""
+    """gmapping; `quality` is the share of the particles with a successful last climb."""
 
     Params: ClassVar[type[Params]] = OriginalParams
 
@@ -43,51 +42,51 @@ class Original:
         self._rng = np.random.default_rng(params.seed)
         self._motion = Motion(params)
         self._renderer = Renderer(params.resolution, params.occupied, params.max_cells)
-        self._way = self._turn = math.inf
+        self._distance = self._rotation = math.inf
         names = ("scans", "inserted", "rejected", "resampled", "switched", "collapsed", "failed")
         self._counts = dict.fromkeys(names, 0)
         self._populate(params.n_particles)
 
     def update(self, scan: Scan) -> Pose2:
-        """Take the next scan; return the best particle's pose, between keyframes by odometry."""
+        """Process a scan; returns the output particle's pose, between keyframes by odometry."""
         before, p = self.pose, self.params
         step = self._motion.step(scan)
         if self._counts["scans"] > 0:
             self._move(step or IDENTITY)  # 1
         elif step is None:
-            self._populate(1)  # without odometry there is no noise
-        points, far = end_points(scan, p.beam_offset, p.max_range)
+            self._populate(1)  # without motion noise all particles would be equal
+        points, radius = end_points(scan, p.beam_offset, p.max_range)
         if len(points) == 0:
             self._counts["rejected"] += 1
-        elif self._due(step) and self.tiles.admits(self.pose, far):
-            self._filter(points, far)
+        elif self._due(step) and self.tiles.admits(self.pose, radius):
+            self._filter(points, radius)
             rays, _ = end_points(scan, 0.0, p.max_range)
-            self._renderer.keep(np.vstack([rays, scan.laser.mount[:2]]), self.pose)
+            self._renderer.add_keyframe(np.vstack([rays, scan.laser.mount[:2]]), self.pose)
         self._counts["scans"] += 1
         self._motion.learn(before.between(self.pose))
         return self.pose
 
     def map(self) -> OccupancyGrid:
-        """The best particle's map, drawn from its history of keyframes."""
-        return self._renderer.snapshot(self.particles.history(self.particles.best))()
+        """The output particle's map, drawn from its history of keyframes."""
+        return self._renderer.snapshot(self.particles.history(self.particles.output))()
 
     def report(self) -> dict[str, Any]:
-        """Counts, and what the particles' maps take."""
+        """Counts of scans, and the size of the particles' maps."""
         return self._counts | self._motion.used | self.tiles.counts
 
-    def _move(self, way: Pose2) -> None:
+    def _move(self, motion: Pose2) -> None:
         draws = self._rng.standard_normal((len(self.particles), 3))
-        self.particles.move(np.array(way) + draws * self._motion.noise(way))
-        self._way += math.hypot(way.x, way.y)
-        self._turn += abs(way.theta)
-        self.pose = self.pose @ way
+        self.particles.move(np.array(motion) + draws * self._motion.noise(motion))
+        self._distance += math.hypot(motion.x, motion.y)
+        self._rotation += abs(motion.theta)
+        self.pose = self.pose @ motion
 
     def _due(self, step: Pose2 | None) -> bool:
-        """Whether the odometry has gone far enough; without odometry every scan is a keyframe."""
-        far = self._way >= self.params.linear_update
-        return far or self._turn >= self.params.angular_update or step is None
+        """Whether the odometry has moved enough; without odometry every scan is a keyframe."""
+        moved = self._distance >= self.params.linear_update
+        return moved or self._rotation >= self.params.angular_update or step is None
 
-    def _filter(self, points: Floats, far: float) -> None:
+    def _filter(self, points: Floats, radius: float) -> None:
         if self._counts["inserted"] == 0:
             self.particles.poses[:] = self.pose
         else:
@@ -96,25 +95,25 @@ class Original:
             self.quality = 1.0 - failed / len(log_w)
             self.particles.weigh(log_w, self.params.gain * len(log_w))
             if self.particles.n_eff < self.params.resample_threshold * len(log_w):
-                self._follow(self.particles.draw_ancestors(self._rng.random()), "resampled")  # 3
-            leader = self.particles.leader()  # 5
-            self._counts["switched"] += leader != self.particles.best
-            self.particles.best = leader
-        self._insert(points, far)  # 4
-        self.particles.remember()
-        self.pose = self.particles.best_pose
-        self._way = self._turn = 0.0
+                self._inherit(self.particles.draw_ancestors(self._rng.random()), "resampled")  # 3
+            best = self.particles.best()  # 5
+            self._counts["switched"] += best != self.particles.output
+            self.particles.output = best
+        self._insert(points, radius)  # 4
+        self.particles.append_to_history()
+        self.pose = self.particles.output_pose
+        self._distance = self._rotation = 0.0
 
-    def _insert(self, points: Floats, far: float) -> None:
-        self.tiles.cover(self.particles.poses, far)
-        if not self.tiles.insert(points, self.particles.poses):  # all go on from the best one
-            self._follow(np.full(len(self.particles), self.particles.best), "collapsed")
+    def _insert(self, points: Floats, radius: float) -> None:
+        self.tiles.cover(self.particles.poses, radius)
+        if not self.tiles.insert(points, self.particles.poses):  # all copy the output particle
+            self._inherit(np.full(len(self.particles), self.particles.output), "collapsed")
         self._counts["inserted"] += 1
 
-    def _follow(self, ancestors: NDArray[np.int64], why: str) -> None:
-        self.particles.follow(ancestors)
+    def _inherit(self, ancestors: NDArray[np.int64], count: str) -> None:
+        self.particles.inherit(ancestors)
         self.tiles.inherit(ancestors)
-        self._counts[why] += 1
+        self._counts[count] += 1
 
     def _populate(self, n_particles: int) -> None:
         self.particles = Particles(n_particles)

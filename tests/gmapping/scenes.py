@@ -6,8 +6,8 @@ import numpy as np
 
 from gmapping import GMappingParams
 from gmapping.map import TileMap
-from gmapping.map_kernels import DEPTH, LAYERS, Splat, insert
-from gmapping.match_kernels import Climb, Posterior, linearize, register
+from gmapping.map_kernels import N_SURFACE_LAYERS, N_SURFACE_VALUES, SurfaceUpdate, insert
+from gmapping.match_kernels import GaussNewton, Posterior, linearize, register
 from gmapping.original.match_kernels import ClimbModel
 from gmapping.render import Renderer
 from gmapping.scan import View
@@ -25,9 +25,9 @@ ROOM = np.array(  # segments x0, y0, x1, y1 [m]
         [1.9, 1.8, 1.5, 0.8],
     ]
 )
-SPLAT = Splat(2, 100.0, 1.001)  # a way that cells can't keep to the last bit
-HOW = Climb(0.1, 0.03, 12, 0.02**2, 0.0)  # nothing is old
-NOWHERE = [], Renderer(0.05, 0.25, 1 << 20).counts
+UPDATE = SurfaceUpdate(2, 100.0, 1.001)  # a path length that is no float32
+GAUSS_NEWTON = GaussNewton(0.1, 0.03, 12, 0.02**2, 0.0)  # no surface is old
+NO_CANDIDATES = [], Renderer(0.05, 0.25, 1 << 20).counts
 CLIMB = ClimbModel(0.05, 0.075, 0.05, 0.05, 5, 0.5, 0.0)
 
 
@@ -77,16 +77,16 @@ def view_of(pose, **changes):
 
 
 def mapped(surface, pose=(0.0, 0.0, 0.0), n=1):
-    tiles = TileMap(n, LAYERS, 0.05, 5000, depth=DEPTH)
+    tiles = TileMap(n, N_SURFACE_LAYERS, 0.05, 5000, n_values=N_SURFACE_VALUES)
     poses = np.tile(np.array(pose, float), (n, 1))
-    assert insert(tiles.tiles, poses, surface, SPLAT) == 0
+    assert insert(tiles.tiles, poses, surface, UPDATE) == 0
     return tiles
 
 
-def linearized(tiles, pose, surface, width=0.1, old=0.0):
-    """H (3, 3), gradient (3,), cost, beams close by, square distance, what old surfaces spared."""
+def linearized(tiles, pose, surface, scale=0.1, old_path_length=0.0):
+    """H (3, 3), gradient (3,), cost, inlier beams, mean square distance, score of old surfaces."""
     h, out = np.zeros((3, 3)), np.zeros(7)
-    linearize(posterior(tiles, surface), 0, np.array(pose, float), width, old, h, out)
+    linearize(posterior(tiles, surface), 0, np.array(pose, float), scale, old_path_length, h, out)
     return h, -out[:3], *out[3:]
 
 
@@ -96,11 +96,11 @@ def posterior(tiles, pieces, means=((0.0, 0.0, 0.0),), information=0.0, owners=(
     return Posterior(tiles, np.array(owners), pieces, np.array(means, float), known)
 
 
-def climb(of, starts, how=HOW):
+def climb(of, starts, settings=GAUSS_NEWTON):
     """Peaks (k, 3), information (k, 3, 3) and `linearize`'s numbers (k, 7) there."""
     poses = np.array(starts, float)
     h, out = np.zeros((len(poses), 3, 3)), np.zeros((len(poses), 7))
-    register(of, how, poses, h, out)
+    register(of, settings, poses, h, out)
     return poses, h, out
 
 

@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 
 from gmapping import GMappingParams
-from gmapping.climb_kernels import Field, climb, distances, log_posterior, sample
+from gmapping.climb_kernels import HitModel, climb, distance_cost, log_posterior, sample
 from gmapping.end_points import EndPointMatcher
-from gmapping.hit_kernels import HIT_DEPTH, insert_ends
+from gmapping.hit_kernels import N_HIT_VALUES, insert_ends
 from gmapping.map import TileMap
-from gmapping.tile_kernels import cell_of, inside_tile, slot_of
+from gmapping.tile_kernels import cell_of, index_in_tile, slot_of
 from slams import geometry
 from slams.types import IDENTITY, Pose2
 from tests.gmapping.scenes import drive, position_error, posterior, run, surface_of, view_of
 
 EDGE = 0.05
-FIELD = Field(4000.0, 0.1, 0.01, 0.005, 3)
+MODEL = HitModel(4000.0, 0.1, 0.01, 0.005, 3)
 THERE = np.array([0.012, -0.008, 0.006])
 
 
 def tiles_of(ends, n=1, poses=None, cap=100.0):
-    tiles = TileMap(n, 1, EDGE, 5000, depth=HIT_DEPTH).tiles
+    tiles = TileMap(n, 1, EDGE, 5000, n_values=N_HIT_VALUES).tiles
     poses = np.zeros((n, 3)) if poses is None else np.array(poses, float)
     assert insert_ends(tiles, poses, ends, cap) == 0
     return tiles
@@ -35,16 +35,16 @@ def ends_of(points, beams=1.0):
 
 def cell(tiles, x, y, particle=0):
     ix, iy = cell_of(x, EDGE), cell_of(y, EDGE)
-    return tiles.cells[slot_of(tiles, particle, 0, ix, iy), inside_tile(ix, iy)]
+    return tiles.cells[slot_of(tiles, particle, 0, ix, iy), index_in_tile(ix, iy)]
 
 
-def matched(tiles, ends, start, information, field=FIELD, mean=(0.0, 0.0, 0.0)):
+def matched(tiles, ends, start, information, model=MODEL, mean=(0.0, 0.0, 0.0)):
     """Peak (3,), log posterior there, mean (3,), covariance (3, 3), log eta."""
     of, poses = posterior(tiles, ends, [mean], information), np.array([start], float)
     value, covariance = np.zeros(1), np.zeros((1, 3, 3))
-    climb(of, field, poses, value)
+    climb(of, model, poses, value)
     peak, best = poses[0].copy(), value[0]
-    sample(of, field, poses, covariance, value)
+    sample(of, model, poses, covariance, value)
     return peak, best, poses[0], covariance[0], value[0]
 
 
@@ -56,7 +56,7 @@ def test_a_cell_keeps_the_weighted_mean_of_its_hits():
     np.testing.assert_allclose(cell(tiles, 0.3, 0.0)[:2], [0.31, 0.0], atol=1e-6)  # capped: half
 
 
-def test_every_cell_knows_the_nearest_mean_hit_around_it():
+def test_every_cell_keeps_the_nearest_mean_hit_around_it():
     rng = np.random.default_rng(3)
     ix, iy = np.divmod(rng.choice(400, 80, replace=False), 20)
     points = EDGE * np.column_stack([ix, iy]) + rng.uniform(-0.02, 0.02, (80, 2))
@@ -72,15 +72,15 @@ def test_every_cell_knows_the_nearest_mean_hit_around_it():
                 assert math.hypot(*(here[3:5] - center)) == pytest.approx(expected, abs=1e-5)
 
 
-def test_distances_are_those_to_mean_hits_and_what_has_none_is_charged_in_full():
+def test_the_cost_is_of_distances_to_mean_hits_and_a_beam_without_one_costs_the_most():
     tiles, far = tiles_of(ends_of([[1.0, 0.0]])), ends_of([[5.0, 5.0]], beams=3.0)
     near = ends_of([[1.01, 0.02]], beams=2.0)
-    total, close = distances(tiles, 0, np.zeros(3), near, 0.1, math.inf)
+    total, close = distance_cost(tiles, 0, np.zeros(3), near, 0.1, math.inf)
     assert total == pytest.approx(2.0 * 0.01 * 5e-4 / (0.01 + 5e-4), rel=1e-4) and close == 2.0
-    moved = distances(tiles, 0, np.array([-0.01, -0.02, 0.0]), near, 0.1, math.inf)
+    moved = distance_cost(tiles, 0, np.array([-0.01, -0.02, 0.0]), near, 0.1, math.inf)
     assert moved[0] == pytest.approx(0.0, abs=1e-9)
-    assert distances(tiles, 0, np.zeros(3), far, 0.1, math.inf) == (pytest.approx(0.03), 0.0)
-    assert distances(tiles, 0, np.zeros(3), near, 0.02, math.inf)[1] == 0.0
+    assert distance_cost(tiles, 0, np.zeros(3), far, 0.1, math.inf) == (pytest.approx(0.03), 0.0)
+    assert distance_cost(tiles, 0, np.zeros(3), near, 0.02, math.inf)[1] == 0.0
 
 
 def test_a_posterior_is_prior_and_likelihood_and_given_up_below_a_floor():
@@ -90,9 +90,9 @@ def test_a_posterior_is_prior_and_likelihood_and_given_up_below_a_floor():
     prior = (
         -0.5 * (geometry.STUDENT_DOF + 3.0) * math.log1p(off @ known @ off / geometry.STUDENT_DOF)
     )
-    total, _ = distances(tiles, 0, THERE, ends, FIELD.soft, math.inf)
-    exact = prior - 0.5 * FIELD.worth * total
-    args = posterior(tiles, ends, [mean], known), FIELD, 0, THERE
+    total, _ = distance_cost(tiles, 0, THERE, ends, MODEL.scale, math.inf)
+    exact = prior - 0.5 * MODEL.information * total
+    args = posterior(tiles, ends, [mean], known), MODEL, 0, THERE
     assert log_posterior(*args, -math.inf) == pytest.approx(exact)
     assert log_posterior(*args, exact - 1.0) == pytest.approx(exact)
     assert log_posterior(*args, exact + 1.0) <= exact + 1.0
@@ -104,11 +104,11 @@ def test_the_climb_finds_the_peak_to_its_last_step():
     peak, best, mean, *_ = matched(tiles_of(ends), ends, THERE, np.eye(3))
     assert np.abs(peak).max() <= 0.01 / 2**3 + 1e-9
     np.testing.assert_allclose(mean, 0.0, atol=1e-3)
-    coarse = matched(tiles_of(ends), ends, THERE, np.eye(3), FIELD._replace(halvings=0))
+    coarse = matched(tiles_of(ends), ends, THERE, np.eye(3), MODEL._replace(halvings=0))
     assert coarse[1] < best and np.abs(coarse[0] - THERE).max() > 0.0
 
 
-def test_where_nothing_is_seen_the_samples_have_the_prior():
+def test_without_any_hit_the_samples_have_the_prior():
     known = np.linalg.inv(np.diag([0.02, 0.01, 0.03]) ** 2)
     tiles = tiles_of(ends_of([[0.0, 0.0]]))
     mean = (0.1, -0.2, 0.05)
@@ -119,7 +119,7 @@ def test_where_nothing_is_seen_the_samples_have_the_prior():
     np.testing.assert_allclose(covariance @ known, 0.5 * np.eye(3), atol=0.05)
     wide = matched(tiles, far, mean, known / 4.0, mean=mean)
     assert wide[4] - eta == pytest.approx(math.log(8.0), abs=0.5)  # the prior is not normalized
-    assert best == pytest.approx(-0.5 * FIELD.worth * 0.01)
+    assert best == pytest.approx(-0.5 * MODEL.information * 0.01)
 
 
 def matcher_of_room():
@@ -140,7 +140,7 @@ def test_the_preset_tracks_resamples_and_has_nothing_of_ours_behind():
     assert isinstance(slam._matcher, EndPointMatcher)
 
 
-def test_a_match_tells_share_and_information_without_the_prior():
+def test_a_match_has_inlier_ratio_and_information_without_the_prior():
     matcher, view = matcher_of_room()
     weak, strong = (
         matcher.match(view, 0, geometry.Prior(IDENTITY, k * np.eye(3)), Pose2(*THERE))
@@ -166,20 +166,20 @@ def test_each_particle_climbs_in_its_own_map():
     ends = surface_of(IDENTITY)
     tiles = tiles_of(ends, 2, [[0.0, 0.0, 0.0], [0.01, -0.01, 0.0]])
     poses, value = np.zeros((2, 3)), np.zeros(2)
-    climb(posterior(tiles, ends, np.zeros((2, 3)), 1.0, (1, 0)), FIELD, poses, value)
+    climb(posterior(tiles, ends, np.zeros((2, 3)), 1.0, (1, 0)), MODEL, poses, value)
     np.testing.assert_allclose(poses, [[0.01, -0.01, 0.0], [0.0, 0.0, 0.0]], atol=1.3e-3)
 
 
-def test_samples_tell_the_curvature_of_the_posterior():
+def test_samples_have_the_curvature_of_the_posterior():
     ends, known = surface_of(IDENTITY), np.diag([1e4, 1e4, 1e4])
     tiles = tiles_of(ends)
     of = posterior(tiles, ends, [np.zeros(3)], known)
-    field = FIELD._replace(worth=20.0)  # so wide that no cell's border is felt
-    peak, best, _, covariance, eta = matched(tiles, ends, np.zeros(3), known, field)
+    model = MODEL._replace(information=20.0)  # so wide that no cell's border is felt
+    peak, best, _, covariance, eta = matched(tiles, ends, np.zeros(3), known, model)
     for axis in range(3):
         off = np.zeros(3)
         off[axis] = math.sqrt(1.0 / np.linalg.inv(covariance)[axis, axis])
-        sides = [log_posterior(of, field, 0, peak + s * off, -math.inf) for s in (-1.0, 1.0)]
+        sides = [log_posterior(of, model, 0, peak + s * off, -math.inf) for s in (-1.0, 1.0)]
         drop = best - np.mean(sides)
         assert drop == pytest.approx(0.5, abs=0.3)
     volume = 0.5 * math.log(np.linalg.det(2.0 * math.pi * covariance))

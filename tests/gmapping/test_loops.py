@@ -6,15 +6,22 @@ import numpy as np
 import pytest
 
 from gmapping import GMappingParams
-from gmapping.map_kernels import facing
-from gmapping.particles import staying
+from gmapping.map_kernels import layer_of
+from gmapping.particles import survivors_in_place
 from gmapping.render import Renderer
-from gmapping.surfaces import CHANCE, EXPLAINED, OLD, PLACES, SurfaceMatcher, _heading
+from gmapping.surfaces import (
+    CHANCE_SHARE,
+    COMPLETE_SHARE,
+    MIN_LOOP_PATH_LENGTH,
+    PLACE_SHARE,
+    SurfaceMatcher,
+    _wall_heading,
+)
 from slams.test_world import box, cast, laser, scan_at
 from slams.types import IDENTITY, Laser, Pose2, Scan
 from tests.gmapping.scenes import (
-    HOW,
-    NOWHERE,
+    GAUSS_NEWTON,
+    NO_CANDIDATES,
     climb,
     linearized,
     mapped,
@@ -41,11 +48,11 @@ def around(seed):
         for _ in range(round(side / STEP)):
             truth.append(truth[-1] @ Pose2(STEP, 0.0, 0.0))
         truth += [truth[-1] @ Pose2(0.0, 0.0, 0.25 * math.pi * k) for k in (1, 2)]
-    scale, veer = 1.03 + 0.02 * rng.random(), rng.choice((-0.02, 0.02))
+    scale, drift = 1.03 + 0.02 * rng.random(), rng.choice((-0.02, 0.02))
     wheels, scans = IDENTITY, []
     for i, at in enumerate(truth):
         way = truth[max(i - 1, 0)].between(at)
-        wheels = wheels @ Pose2(scale * way.x, 0.0, way.theta + veer * way.x)
+        wheels = wheels @ Pose2(scale * way.x, 0.0, way.theta + drift * way.x)
         ranges = (cast(walls, at, SENSOR) + rng.normal(0.0, 0.02, 181)).astype(np.float32)
         ranges[ranges > SENSOR.range_max] = np.inf
         ranges.flags.writeable = False
@@ -73,14 +80,17 @@ def test_a_robot_that_comes_back_closes_the_loop(seed, drifts):
     assert (slam.report()["closed"] >= 1) == drifts
 
 
-OLDER, YOUNGER = 1.0 + OLD + 0.1, 1.0 + OLD - 0.1  # m driven; the map is of the first meter
+OLDER, YOUNGER = (
+    1.0 + MIN_LOOP_PATH_LENGTH + 0.1,
+    1.0 + MIN_LOOP_PATH_LENGTH - 0.1,
+)  # m driven; the map is of the first meter
 
 
 def seen(view):
     """Counts of what beams came by and ended at, from 0."""
     renderer = Renderer(0.05, 0.25, 1 << 20)
     for _ in range(3):
-        renderer.keep(view.ray, IDENTITY)
+        renderer.add_keyframe(view.ray, IDENTITY)
     return renderer.counts
 
 
@@ -95,53 +105,55 @@ def seen(view):
         (OLDER, Pose2(0.04, 0.03, 0.0), True, False),
     ],
 )
-def test_particles_go_where_ground_of_old_agrees_more_with_a_scan(way, place, free, closes):
+def test_particles_move_to_a_candidate_where_old_surfaces_match_more_of_a_scan(
+    way, place, free, closes
+):
     """Not where a fifth of the scan ends in what was seen `free` then."""
     matcher, view = matcher_of(IDENTITY), view_of(IDENTITY)
     counts = seen(view)
     if free:  # as if people stood there now
         view.pieces[: len(view.pieces) // 5, :2] *= 0.6
     apart, sure = np.array([[0.55, -0.5, 0.05]]), 1e6 * np.eye(3)
-    matcher._way = way
+    matcher._path_length = way
     found = matcher.propose(view, apart, sure, [place], counts)
-    assert found.closes.tolist() == [closes]
+    assert found.closes_loop.tolist() == [closes]
     np.testing.assert_allclose(found.peaks, 0.0 if closes else apart, atol=0.02)
 
 
 @pytest.mark.parametrize(("elsewhere", "closes"), [(0.45, True), (0.65, False)])
-def test_a_loop_has_nearly_half_of_the_scan_on_old_ground(elsewhere, closes):
+def test_a_loop_has_nearly_half_of_the_scan_on_old_surfaces(elsewhere, closes):
     """The rest is where nothing was seen: a door that is open now, or another place."""
     matcher, view = matcher_of(IDENTITY), view_of(IDENTITY)
     counts, beams = seen(view), np.cumsum(view.pieces[:, 4])
     view.pieces[beams < elsewhere * beams[-1], :2] *= 5.0
     apart, sure = np.array([[0.55, -0.5, 0.05]]), 1e6 * np.eye(3)
-    matcher._way = OLDER
+    matcher._path_length = OLDER
     found = matcher.propose(view, apart, sure, [Pose2(0.02, 0.01, 0.0)], counts)
-    assert found.closes.tolist() == [closes]
+    assert found.closes_loop.tolist() == [closes]
 
 
-def test_only_ground_of_old_weighs_a_particle_and_no_more_than_parallel_walls_explain():
+def test_only_old_surfaces_weigh_a_particle_and_only_beyond_what_parallel_walls_explain():
     poses = np.array([[0.0, 0.0, 0.0], [0.06, 0.0, 0.0]])
     matcher, view = matcher_of(*poses), view_of(IDENTITY, quietest=0.01)
     sure, at = 4e7 * np.eye(3), np.zeros((2, 3))
     matcher.insert(view, poses, YOUNGER)
-    np.testing.assert_array_equal(matcher.propose(view, at, sure, *NOWHERE).log_w, 0.0)
+    np.testing.assert_array_equal(matcher.propose(view, at, sure, *NO_CANDIDATES).log_w, 0.0)
     matcher.insert(view, poses, OLDER)
-    found, p = matcher.propose(view, at, sure, *NOWHERE), matcher._params
+    found, p = matcher.propose(view, at, sure, *NO_CANDIDATES), matcher._params
     width, tiles = p.width, matcher.tiles.tiles
     full = width**2 * view.beams
-    spared = linearized(tiles, found.peaks[0], view.pieces, width, 1.0 + 0.1)[5]
-    evidence = min(spared, EXPLAINED * full) - CHANCE * full
+    old_score = linearized(tiles, found.peaks[0], view.pieces, width, 1.0 + 0.1)[5]
+    score = min(old_score, COMPLETE_SHARE * full) - CHANCE_SHARE * full
     worth = min(1.0, p.independent / view.beams) / p.range_noise**2
-    assert found.log_w[0] == pytest.approx(0.5 * PLACES * worth * evidence, rel=1e-3)
+    assert found.log_w[0] == pytest.approx(0.5 * PLACE_SHARE * worth * score, rel=1e-3)
     assert found.log_w[0] > found.log_w[1] + 1.0  # its map is elsewhere
 
 
-def test_who_lives_on_stays_where_it_is():
+def test_a_surviving_particle_keeps_its_index():
     rng = np.random.default_rng(4)
     for _ in range(100):
         ancestors = np.sort(rng.integers(0, 9, 9))
-        out = staying(ancestors)
+        out = survivors_in_place(ancestors)
         np.testing.assert_array_equal(np.sort(out), ancestors)
         np.testing.assert_array_equal(out[out], out)
 
@@ -190,7 +202,7 @@ def test_layers_are_told_apart_by_the_walls_of_the_first_scan():
         assert matcher.insert(view, np.array([[0.0, 0.0, heading]]), 1.0)
         tiles = matcher.tiles.tiles
         assert math.atan2(tiles.axis_y, tiles.axis_x) == pytest.approx(0.7, abs=0.05)
-    at = [facing(tiles, math.cos(a), math.sin(a)) for a in 0.7 + 0.5 * math.pi * np.arange(4)]
+    at = [layer_of(tiles, math.cos(a), math.sin(a)) for a in 0.7 + 0.5 * math.pi * np.arange(4)]
     assert at == [0, 1, 2, 3]
 
 
@@ -199,7 +211,7 @@ def test_few_hits_at_the_end_of_a_corridor_are_no_outliers_before_they_have_move
     surface = surface_of(IDENTITY, Laser(-math.pi / 2, math.radians(1.0), 181, 0.1, 6.0), walls)
     start = [(0.11, 0.0, 0.0)]
     of = posterior(mapped(surface).tiles, surface, start, 100.0)
-    poses, _, _ = climb(of, start, HOW._replace(wait=5))
+    poses, _, _ = climb(of, start, GAUSS_NEWTON._replace(hold_steps=5))
     assert abs(poses[0, 0]) < 0.03
 
 
@@ -220,14 +232,16 @@ def test_the_heading_of_a_building_is_that_of_most_of_its_walls():
 
     building = [wall(4.0, 0.0, 0.3, 3.0, 1.0), wall(-2.0, 1.0, 0.3 + 0.5 * math.pi, 2.0, 1.0)]
     askew = [wall(0.5, 0.0, 0.95, 0.3, 60.0, 0.004), wall(-3.0, -2.0, 0.75, 3.0, 1.0)]
-    heading = _heading(np.vstack([*building, *askew]))
+    heading = _wall_heading(np.vstack([*building, *askew]))
     assert math.remainder(heading - 0.3, 0.5 * math.pi) == pytest.approx(0.0, abs=0.02)
 
 
 def test_where_none_is_to_wait_the_scale_falls_at_every_step():
     """So that what they cost can be compared."""
     surface, elsewhere = surface_of(IDENTITY), (60.0, 0.0, 0.0)
-    how = HOW._replace(steps=2)  # wide at the first one, which is long, half as wide at the second
+    settings = GAUSS_NEWTON._replace(
+        max_steps=2
+    )  # wide at the first one, which is long, half as wide at the second
     of = posterior(mapped(surface).tiles, surface, [(50.0, 0.0, 0.0)], 1.0)
-    out = climb(of, [elsewhere], how)[2]
-    assert out[0, 3] == pytest.approx(surface[:, 4].sum() * (0.5 * how.wide) ** 2)
+    out = climb(of, [elsewhere], settings)[2]
+    assert out[0, 3] == pytest.approx(surface[:, 4].sum() * (0.5 * settings.first_scale) ** 2)

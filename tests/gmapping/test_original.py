@@ -66,7 +66,7 @@ def test_the_originals_beams_are_half_a_beam_off_and_not_those_of_its_picture():
     slam.update(scan)
     assert maps.insert(off, np.zeros((1, 3)))
     np.testing.assert_array_equal(slam.tiles.tiles.cells, maps.tiles.cells)
-    np.testing.assert_array_equal(slam._renderer._scans[0][:-1], true)
+    np.testing.assert_array_equal(slam._renderer._keyframes[0][:-1], true)
 
 
 def test_a_range_counts_from_range_min_up_to_below_the_longest():

@@ -1,4 +1,4 @@
-"""The particle filter: weights, ancestors, tiles; who is reported, and what is drawn."""
+"""The particle filter: weights, ancestors, tiles; the output particle, and its map."""
 
 import dataclasses
 
@@ -8,12 +8,12 @@ import pytest
 from gmapping import GMapping, GMappingParams
 from gmapping.map import TileMap
 from gmapping.map_kernels import insert
-from gmapping.particles import Particles, Proposals, normalize, staying, systematic
-from gmapping.render_kernels import Counts, draw
+from gmapping.particles import Particles, Proposals, normalize, survivors_in_place, systematic
+from gmapping.render_kernels import BeamCounts, draw
 from gmapping.tile_kernels import own_slot
 from slams.types import IDENTITY, Pose2
 from tests.gmapping.scenes import (
-    SPLAT,
+    UPDATE,
     drive,
     mapped,
     position_error,
@@ -40,43 +40,43 @@ def test_systematic_resampling_with_a_known_draw():
     assert systematic(np.array([0.0, 0.5, 0.5]), 0.0)[0] == 1
 
 
-def test_histories_follow_ancestors_and_the_reported_particle_has_a_margin():
+def test_histories_follow_ancestors_and_the_best_particle_has_to_be_strictly_better():
     particles = Particles(3)
     particles.poses[:, 0] = [1.0, 2.0, 3.0]
-    particles.remember()
+    particles.append_to_history()
     particles.weigh(np.array([-1.0, 0.0, -6.0]), 1.0)
-    assert particles.leader() == 1
-    particles.best = 1
-    particles.follow(np.array([1, 1, 0]))
-    assert particles.best == 0
+    assert particles.best() == 1
+    particles.output = 1
+    particles.inherit(np.array([1, 1, 0]))
+    assert particles.output == 0
     particles.poses[:, 0] += 10.0
-    particles.remember()
+    particles.append_to_history()
     np.testing.assert_array_equal(particles.history(1)[:, 0], [2.0, 12.0])
     np.testing.assert_array_equal(particles.history(2)[:, 0], [1.0, 11.0])
 
 
-def test_the_reported_particle_survives_in_place_of_a_twin_if_steady():
-    particles = Particles(5, steady=True)
-    particles.best = 3
+def test_the_output_particle_survives_in_place_of_a_twin_if_it_is_kept():
+    particles = Particles(5, keep_output=True)
+    particles.output = 3
     particles.weigh(np.array([0.0, 0.2, -90.0, -90.0, -90.0]), 1.0)
     ancestors = particles.draw_ancestors(0.5)
     assert sorted(np.bincount(ancestors, minlength=5).tolist()) == [0, 0, 1, 2, 2]
     assert np.count_nonzero(ancestors == 3) == 1
-    particles.best = 0
+    particles.output = 0
     assert set(particles.draw_ancestors(0.5).tolist()) == {0, 1}
     plain = Particles(5)
-    plain.best = 3
+    plain.output = 3
     plain.weigh(np.array([0.0, 0.2, -90.0, -90.0, -90.0]), 1.0)
     assert set(plain.draw_ancestors(0.5).tolist()) == {0, 1}
 
 
-@pytest.mark.parametrize(("preset", "steady"), [("paper", False), ("default", True)])
-def test_only_the_default_spares_the_reported_particle(preset, steady):
+@pytest.mark.parametrize(("preset", "kept"), [("paper", False), ("default", True)])
+def test_only_the_default_keeps_the_output_particle(preset, kept):
     slam, _ = run(drive(12)[1], preset, n_particles=4, seed=3)
     particles = slam.particles
-    particles.weigh(-90.0 * (np.arange(4) == particles.best), 1.0)
-    best = particles.best
-    assert (best in particles.draw_ancestors(0.9)) == steady
+    particles.weigh(-90.0 * (np.arange(4) == particles.output), 1.0)
+    best = particles.output
+    assert (best in particles.draw_ancestors(0.9)) == kept
 
 
 def test_writing_to_one_particle_never_shows_in_another():
@@ -86,7 +86,7 @@ def test_writing_to_one_particle_never_shows_in_another():
     pointers = np.count_nonzero(touched(tiles))
     assert tiles.used == pytest.approx(2 / 3 * pointers)
     before = [tiles.tiles.cells[touched(tiles)[:, :, i]] for i in range(3)]
-    insert(tiles.tiles, np.array([[0.01, 0.0, 0.0]]), surface, SPLAT)  # particle 0 alone
+    insert(tiles.tiles, np.array([[0.01, 0.0, 0.0]]), surface, UPDATE)  # particle 0 alone
     after = [tiles.tiles.cells[touched(tiles)[:, :, i]] for i in range(3)]
     assert not np.array_equal(before[0], after[0])
     np.testing.assert_array_equal(before[1], after[1])
@@ -94,7 +94,7 @@ def test_writing_to_one_particle_never_shows_in_another():
     references_add_up(tiles)
 
 
-def test_what_nobody_points_at_is_zero_and_takes_no_room_in_a_state():
+def test_a_tile_without_references_is_zero_and_takes_no_space_in_a_state():
     maps = TileMap(2, 1, 0.05, 50)
     maps.cover(np.full((1, 3), 0.5), 0.5)
     for particle in (0, 1):
@@ -112,10 +112,10 @@ def test_nothing_leaks_in_two_thousand_resamplings():
     tiles = mapped(surface, n=5)
     alone = tiles.used // 5
     for i in range(2_000):
-        tiles.inherit(staying(rng.integers(0, 5, 5)))
+        tiles.inherit(survivors_in_place(rng.integers(0, 5, 5)))
         if i % 20 == 0:
             poses = rng.normal(0.0, 0.01, (5, 3))
-            assert insert(tiles.tiles, poses, surface, SPLAT) == 0
+            assert insert(tiles.tiles, poses, surface, UPDATE) == 0
     references_add_up(tiles)
     tiles.inherit(np.zeros(5, np.int64))
     assert tiles.used <= 2 * alone
@@ -165,7 +165,7 @@ def test_draws_are_from_the_gaussians():
     np.testing.assert_allclose(off @ L, normals)  # L^T off = normals: covariance (L L^T)^-1
 
 
-def test_the_spread_is_around_the_reported_particle():
+def test_the_spread_is_around_the_output_particle():
     particles = Particles(2)
     particles.poses[:] = [[1.0, 2.0, 3.1], [1.2, 1.6, -3.1]]
     off = np.array([0.2, -0.4, 2.0 * np.pi - 6.2])
@@ -178,17 +178,17 @@ def test_every_particle_steps_in_its_own_heading_and_inherits_a_lifetime():
     particles.move(np.array([0.3, 0.1, 0.2]))
     np.testing.assert_allclose(particles.poses, [[0.9, 2.3, 0.5 * np.pi + 0.2], [0.3, 0.1, 0.2]])
     particles.lifetime[:] = [-3.0, 0.0]
-    particles.follow(np.array([1, 1]))
+    particles.inherit(np.array([1, 1]))
     np.testing.assert_array_equal(particles.lifetime, 0.0)
 
 
-def test_the_reported_particle_stays_at_its_peak_and_the_others_are_drawn():
+def test_the_output_particle_stays_at_its_peak_and_the_others_are_drawn():
     _, scans = drive(50)
     one, poses = run(scans, n_particles=1)
     many, reported = run(scans, n_particles=6)
-    assert many.report()["resampled"] == 0  # no old ground
+    assert many.report()["resampled"] == 0  # no old surface
     np.testing.assert_allclose(reported, poses, atol=1e-9)
-    others = np.delete(many.particles.poses, many.particles.best, axis=0)
+    others = np.delete(many.particles.poses, many.particles.output, axis=0)
     off = np.hypot(*(others[:, :2] - one.particles.poses[0, :2]).T)
     assert 1e-4 < off.max() < 0.05 and len(np.unique(off)) == len(off)
     full = run(scans, "paper", n_particles=1)[1]
@@ -196,15 +196,15 @@ def test_the_reported_particle_stays_at_its_peak_and_the_others_are_drawn():
 
 
 def test_beams_clear_what_they_cross_and_mark_their_end():
-    hits, visits, walls = (np.zeros(shape, np.int32) for shape in ((3, 7), (3, 7), (1, 2)))
-    counts = Counts(hits, visits, walls, 0, 0, 0.05)
+    hits, visits, coarse_hits = (np.zeros(shape, np.int32) for shape in ((3, 7), (3, 7), (1, 2)))
+    counts = BeamCounts(hits, visits, coarse_hits, 0, 0, 0.05)
     scan = np.array([[0.30, 0.05], [0.0, 0.10], [0.0, 0.05]])
     draw(scan, counts, 1)
     np.testing.assert_array_equal(visits, [[0] * 7, [2, 1, 1, 1, 1, 1, 1], [1] + [0] * 6])
     np.testing.assert_array_equal(hits, [[0] * 7, [0] * 6 + [1], [1] + [0] * 6])
-    np.testing.assert_array_equal(walls, [[1, 1]])
+    np.testing.assert_array_equal(coarse_hits, [[1, 1]])
     draw(scan, counts, -1)
-    assert not (hits.any() or visits.any() or walls.any())
+    assert not (hits.any() or visits.any() or coarse_hits.any())
 
 
 def test_a_closed_loop_moves_the_robot_and_is_no_motion():
@@ -213,10 +213,10 @@ def test_a_closed_loop_moves_the_robot_and_is_no_motion():
     particles, pose = slam.particles, Pose2(*poses[-1])
     particles.poses[:] = pose
     particles.poses[0, 1] += 0.3
-    particles.best, particles.lifetime[:] = 0, [0.0, 90.0]
-    assert slam._elect(pose, np.array([False, True])) == pose and particles.best == 0
-    there = slam._elect(pose, np.array([True, True]))
-    assert (slam.report()["closed"], slam.report()["switched"], particles.best) == (1, 0, 0)
+    particles.output, particles.lifetime[:] = 0, [0.0, 90.0]
+    assert slam._select_output(pose, np.array([False, True])) == pose and particles.output == 0
+    there = slam._select_output(pose, np.array([True, True]))
+    assert (slam.report()["closed"], slam.report()["switched"], particles.output) == (1, 0, 0)
     np.testing.assert_allclose(there, [pose.x, pose.y + 0.3, pose.theta])
     shifted, expected = (s._estimator.predict(scans[-1]).pose for s in (slam, other))
     np.testing.assert_allclose(shifted, [expected.x, expected.y + 0.3, expected.theta], atol=1e-4)
@@ -231,14 +231,16 @@ def test_without_odometry_the_original_needs_one_particle_and_enters_every_scan(
 def test_particles_spread_as_the_pose_becomes_less_certain():
     slam, _ = run(drive(12)[1], n_particles=2)
     way, before = Pose2(0.2, 0.0, 0.0), slam._estimator.covariance
-    certain = np.linalg.inv(slam._information(way))
+    certain = np.linalg.inv(slam._motion_information(way))
     lost = np.diag([0.09, 0.0, 0.0])
-    slam._known = before - lost
-    np.testing.assert_allclose(np.linalg.inv(slam._information(way)), certain + lost, atol=1e-5)
-    slam._known = before + lost  # more certain: no less than the noise of the way
+    slam._keyframe_covariance = before - lost
+    np.testing.assert_allclose(
+        np.linalg.inv(slam._motion_information(way)), certain + lost, atol=1e-5
+    )
+    slam._keyframe_covariance = before + lost  # more certain: no less than the noise of the motion
     noise = slam.params.key_noise + slam.params.way_noise * 0.2
     assert certain[0, 0] == pytest.approx(noise**2, rel=0.5)
-    np.testing.assert_allclose(np.linalg.inv(slam._information(way))[0, 0], noise**2)
+    np.testing.assert_allclose(np.linalg.inv(slam._motion_information(way))[0, 0], noise**2)
 
 
 def test_resampled_particles_go_on_with_pose_and_map_of_their_ancestor():
@@ -246,17 +248,17 @@ def test_resampled_particles_go_on_with_pose_and_map_of_their_ancestor():
     pose, table = slam.particles.poses[1].copy(), touched(slam.tiles)[:, :, 1].copy()
     assert not np.array_equal(table, touched(slam.tiles)[:, :, 2])
     slam.particles.weigh(np.array([-90.0, 0.0, -90.0, -90.0]), 1.0)
-    slam.particles.best = 1
-    slam._follow(slam.particles.draw_ancestors(0.5))
+    slam.particles.output = 1
+    slam._inherit(slam.particles.draw_ancestors(0.5))
     np.testing.assert_array_equal(slam.particles.poses, np.tile(pose, (4, 1)))
     for i in range(4):
         np.testing.assert_array_equal(touched(slam.tiles)[:, :, i], table)
     references_add_up(slam.tiles)
 
 
-def test_the_papers_filter_reports_the_leader_whether_or_not_it_has_closed_a_loop():
+def test_the_papers_filter_outputs_the_best_particle_whether_or_not_it_closed_a_loop():
     _, scans = drive(10)
     slam, poses = run(scans, "paper", n_particles=2)
-    slam.particles.best, slam.particles.lifetime[:] = 0, [0.0, 1.0]
-    slam._elect(Pose2(*poses[-1]), np.array([False, False]))
-    assert slam.particles.best == 1
+    slam.particles.output, slam.particles.lifetime[:] = 0, [0.0, 1.0]
+    slam._select_output(Pose2(*poses[-1]), np.array([False, False]))
+    assert slam.particles.output == 1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gmapping.render import Renderer
-from gmapping.render_kernels import Counts, is_free
+from gmapping.render_kernels import BeamCounts, is_free
 from slams.grid_bounds import Box
 from slams.types import IDENTITY, Pose2
 
@@ -24,7 +24,7 @@ def history(n, seed=1):
 def drawn(scans, poses):
     renderer = Renderer(EDGE, 0.25, 1 << 20)
     for scan, pose in zip(scans, poses, strict=True):
-        renderer.keep(scan, Pose2(*pose.tolist()))
+        renderer.add_keyframe(scan, Pose2(*pose.tolist()))
     return renderer
 
 
@@ -45,9 +45,9 @@ def test_a_snapshot_stays_as_it_is_and_a_part_is_cut_to_what_was_observed():
     renderer, poses = Renderer(EDGE, 0.25, 1 << 20), np.zeros((1, 3))
     assert np.isnan(renderer.snapshot(poses[:0])().p).all()
     assert renderer.crop(Box.around(0.0, 0.0, 5.0)) is None
-    renderer.keep(np.array([[1.0, 0.0], [0.0, 0.0]]), IDENTITY)
+    renderer.add_keyframe(np.array([[1.0, 0.0], [0.0, 0.0]]), IDENTITY)
     draw = renderer.snapshot(poses)
-    renderer.keep(np.array([[0.0, 1.0], [0.0, 0.0]]), IDENTITY)
+    renderer.add_keyframe(np.array([[0.0, 1.0], [0.0, 0.0]]), IDENTITY)
     grid, part = draw(), renderer.crop(Box(0.5, -1.0, 3.0, 1.0))
     assert grid.p.shape == (1, 11) and grid.origin == pytest.approx((-0.05, -0.05))
     assert grid.p[0].tolist() == [0.0] * 10 + [1.0]
@@ -58,6 +58,6 @@ def test_three_beams_that_end_elsewhere_make_a_cell_free():
     """Fewer may have been above what stands there."""
     visits = np.array([[0, 1, 2, 3, 20, 20]], np.int32)
     hits = np.array([[0, 0, 0, 0, 2, 4]], np.int32)
-    counts = Counts(hits, visits, np.zeros((1, 2), np.int32), 0, 0, EDGE)
+    counts = BeamCounts(hits, visits, np.zeros((1, 2), np.int32), 0, 0, EDGE)
     free = [is_free(counts, EDGE * k, 0.0) for k in range(6)]
     assert free == [False, False, False, True, True, False]
