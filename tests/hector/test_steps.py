@@ -10,7 +10,7 @@ from hector.map import BLUR, FINE, ROUGH, LogOddsPyramid
 from hector.match_kernels import Solver, gauss_newton, normal_equations
 from slams.geometry import Prior
 from slams.refine.line_kernels import View, line_equations
-from slams.refine.lines import ENOUGH
+from slams.refine.lines import MIN_USED_BEAMS
 from slams.scan.end_points import EndPoints, pose_distance
 from slams.types import IDENTITY, Pose2
 from tests.rooms import NOTHING, calls, drive, laser, made, scan_at, settled
@@ -57,7 +57,7 @@ def mapped(beams):
 def test_in_the_end_all_beams_count(monkeypatch):
     grids, points = mapped(1081)
     quick = grids.lines.fit(points, IDENTITY, LOOSE)
-    monkeypatch.setattr("slams.refine.lines.THINNED", 1)
+    monkeypatch.setattr("slams.refine.lines.MAX_BEAM_STRIDE", 1)
     thorough = grids.lines.fit(points, IDENTITY, LOOSE)
     assert quick.pose == pytest.approx(thorough.pose, abs=2e-4)
     assert quick.inlier_ratio == pytest.approx(thorough.inlier_ratio, abs=0.01)
@@ -93,7 +93,7 @@ def test_what_cells_say_is_never_surer_than_their_ridges_are_exact(monkeypatch):
     prior = Prior(IDENTITY, 1e4 * np.eye(3))
     points, grids = slam._scan, slam._map
     found = grids.climb(points, IDENTITY, prior)
-    level, solver = grids.levels[0], grids._solvers(points.n // ENOUGH)[0]
+    level, solver = grids.levels[0], grids._solvers(points.n // MIN_USED_BEAMS)[0]
     H = np.zeros((3, 3))
     _, _, square = gauss_newton(level, points.points, points.n, found.pose, prior, solver, H)
     assert found.information == pytest.approx(H / max(square, BLUR), rel=0.05, abs=1.0)
@@ -114,7 +114,7 @@ def test_what_cells_say_is_never_surer_than_their_ridges_are_exact(monkeypatch):
 )
 def test_fewer_beams_are_climbed_with_where_there_are_many(n, refine, strides):
     params = HectorParams(refine=refine)
-    solvers = [Solver(*one) for one in LogOddsPyramid(params)._solvers(n // ENOUGH)]
+    solvers = [Solver(*one) for one in LogOddsPyramid(params)._solvers(n // MIN_USED_BEAMS)]
     assert [solver.stride for solver in solvers] == strides
     for level, (solver, stride) in enumerate(zip(solvers, strides, strict=True)):
         rough = ROUGH if refine and stride > 1 else FINE
@@ -130,7 +130,7 @@ def test_every_few_beams_are_enough_for_a_first_step_on_the_lines():
         ends, normals = points.points[:, ::left].copy(), points.normals[:, ::left].copy()
         H, b = np.zeros((3, 3)), np.zeros(3)
         view = View(ends, normals, ends.shape[1], IDENTITY)
-        line_equations(grids.lines.surface, view, stride, IDENTITY, 400.0, H, b)
+        line_equations(grids.lines.cells, view, stride, IDENTITY, 400.0, H, b)
         sums.append((H, b))
     assert pytest.approx(sums[1][0], rel=1e-6) == H
     assert b == pytest.approx(sums[1][1], rel=1e-6)
