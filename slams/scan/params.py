@@ -39,8 +39,8 @@ class ScanParams(Params):
         low=1e-4,
     )
     quietest: float = param(
-        0.001, "m", "least noise of a beam that is assumed", source="ours: what ranges are rounded to"
+        0.001, "m", "least noise that is assumed", source="ours: what ranges are rounded to"
     )
     noisiest: float = param(
-        0.15, "m", "greatest noise of a beam that is assumed", source="ours: three cells; beyond it a scan is clutter"
+        0.15, "m", "greatest noise that is assumed", source="ours: three cells; beyond is clutter"
     )
