@@ -14,7 +14,7 @@ from slams.types import Floats, Pose2, Ranges
 Points = NDArray[np.float64]
 
 NORMALS_PER_HALF_WINDOW = 8  # end points between two of these share a normal
-N_NEIGHBORS, MIN_CLOSE_NEIGHBORS = 4, 2  # end points to either side; of them close to a surface's
+N_NEIGHBORS, MIN_CLOSE_NEIGHBORS = 4, 2  # end points to either side; close ones of a surface
 MIN_OBJECT_WIDTH = 0.15  # m of an object that the isolated-point filter has to leave
 
 

@@ -8,7 +8,7 @@ import pytest
 from slams.geometry import Prior
 from slams.refine.line_cell_kernels import Hits, LineUpdate, add_hits, add_scan, add_to_cell
 from slams.refine.line_kernels import View, line_equations
-from slams.refine.lines import CONFIDENCE_PER_INTERVAL, MIN_FIRST_CONFIDENCE, LineMap, Match
+from slams.refine.lines import MIN_FIRST_CONFIDENCE, LineMap, Match
 from slams.refine.params import RefineParams
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Pose2
@@ -40,6 +40,10 @@ def hit(n=1.0, x=0.0, y=0.0, nx=0.0, ny=1.0):
     return Hits(n, x, y, nx, ny)
 
 
+def update_of(reach=1, side=3, cap=200.0, number=1):
+    return LineUpdate(reach, side, cap, number, MIN_FIRST_CONFIDENCE)
+
+
 def row_of(lines, ix, iy):
     return lines.cells.lines[lines.cells.slot[iy, ix]]
 
@@ -65,10 +69,7 @@ def test_a_prior_counts_by_the_variance_of_a_beam():
     assert held[1] == pytest.approx(0.02, abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("interval", "confidence"),
-    [(0.025, MIN_FIRST_CONFIDENCE), (0.6, 0.3), (5.0, CONFIDENCE_PER_INTERVAL)],
-)
+@pytest.mark.parametrize(("interval", "confidence"), [(0.025, 0.1), (0.6, 0.3), (5.0, 0.5)])
 def test_one_scan_alone_counts_where_the_next_is_long_after(interval, confidence):
     """A person's leg is gone a second later."""
     points, confidences = EndPoints(RefineParams()), []
@@ -78,9 +79,8 @@ def test_one_scan_alone_counts_where_the_next_is_long_after(interval, confidence
         lines = blank()
         for _ in range(times):
             lines.insert(points, IDENTITY)
-        sums, confidence = lines.cells.sums, lines.cells.lines[:, 3]
-        used = confidence > 0.0
-        confidences.append(confidence[used] / (sums[:, 0] / (sums[:, 0] + 2.0))[used])
+        sums, found = lines.cells.sums, lines.cells.lines[:, 3]
+        confidences.append(found[found > 0.0] / (sums[:, 0] / (sums[:, 0] + 2.0))[found > 0.0])
     assert np.median(confidences[0]) == pytest.approx(confidence, rel=0.01)
     assert np.median(confidences[1]) == pytest.approx(0.5, rel=0.01)
 
@@ -110,9 +110,7 @@ def test_a_conflict_is_an_end_point_in_a_free_cell_without_a_line():
 def test_a_line_of_one_scan_alone_has_low_confidence():
     lines, confidences = blank(), []
     for number in (1, 1, 2, 3, 4):
-        add_to_cell(
-            lines.cells, 120, 120, hit(), LineUpdate(1, 3, 200.0, number, MIN_FIRST_CONFIDENCE)
-        )
+        add_to_cell(lines.cells, 120, 120, hit(), update_of(number=number))
         confidences.append(float(row_of(lines, 120, 120)[3]))
     shares = [w / (w + 2.0) for w in (1.0, 2.0, 3.0, 4.0, 5.0)]
     expected = np.multiply(shares, [0.1, 0.1, 1.0 / 2.0, 2.0 / 3.0, 3.0 / 4.0])
@@ -120,7 +118,7 @@ def test_a_line_of_one_scan_alone_has_low_confidence():
 
 
 def test_beyond_its_cap_a_line_follows_slowly():
-    lines, update = blank(), LineUpdate(1, 3, 10.0, 1, MIN_FIRST_CONFIDENCE)
+    lines, update = blank(), update_of(cap=10.0)
     for y in (0.0, 0.02):
         add_to_cell(lines.cells, 120, 120, hit(8.0, 0.0, y), update)
     weight = lines.cells.sums[lines.cells.slot[120, 120], 0]
@@ -129,7 +127,7 @@ def test_beyond_its_cap_a_line_follows_slowly():
 
 
 def test_faces_of_a_thin_wall_and_walls_of_a_corner_have_a_layer_each():
-    lines, update = blank(), LineUpdate(1, 3, 200.0, 1, MIN_FIRST_CONFIDENCE)
+    lines, update = blank(), update_of()
     for nx, ny in ((0.0, 1.0), (0.0, -1.0)):
         add_to_cell(lines.cells, 120, 120, hit(1.0, 0.0, 0.0, nx, ny), update)
     both = row_of(lines, 120, 120)
@@ -144,15 +142,10 @@ def touched(lines):
 @pytest.mark.parametrize(("gap", "side"), [(0.04, 0), (0.06, 1), (0.16, 2), (9.0, 3)])
 def test_a_hit_reaches_across_its_wall_and_half_way_to_the_next_along_it(gap, side):
     lines = blank()
-    add_hits(lines.cells, hit(), gap, LineUpdate(1, 3, 200.0, 1, MIN_FIRST_CONFIDENCE))
+    add_hits(lines.cells, hit(), gap, update_of())
     assert touched(lines) == sorted((i, j) for i in range(-side, side + 1) for j in (-1, 0, 1))
     lines = blank()
-    add_hits(
-        lines.cells,
-        hit(1.0, 0.0, 0.0, 1.0, 0.0),
-        gap,
-        LineUpdate(2, 3, 200.0, 1, MIN_FIRST_CONFIDENCE),
-    )
+    add_hits(lines.cells, hit(1.0, 0.0, 0.0, 1.0, 0.0), gap, update_of(reach=2))
     assert touched(lines) == sorted((i, j) for i in range(-2, 3) for j in range(-side, side + 1))
 
 
@@ -186,7 +179,7 @@ def wall(x=1.0, n=20):
 
 def one_wall():
     lines = blank()
-    add_scan(lines.cells, *wall(), 20, IDENTITY, LineUpdate(1, 0, 1e6, 1, MIN_FIRST_CONFIDENCE))
+    add_scan(lines.cells, *wall(), 20, IDENTITY, update_of(1, 0, 1e6))
     return lines.cells
 
 
@@ -196,9 +189,7 @@ def test_a_wall_near_its_cells_border_is_not_pushed_away():
     lines.cells.grid[:, 141] = 1.0  # the wall's cells; noise puts a third of the hits before them
     hits, normals = wall(n=30)
     hits[0] = border + np.array([-0.004, 0.004, 0.012] * 10)
-    add_scan(
-        lines.cells, hits, normals, 30, IDENTITY, LineUpdate(2, 0, 1e6, 1, MIN_FIRST_CONFIDENCE)
-    )
+    add_scan(lines.cells, hits, normals, 30, IDENTITY, update_of(2, 0, 1e6))
     assert -row_of(lines, 141, 120)[2] == pytest.approx(border + 0.004, abs=5e-4)
 
 
@@ -215,14 +206,8 @@ def test_a_full_pool_refuses_more_cells_without_harm():
     cells = one_wall()
     cells = cells._replace(lines=cells.lines[: cells.used[0] + 2].copy())
     before = int(cells.used[0])
-    add_scan(
-        cells,
-        *wall(-1.0),
-        20,
-        Pose2(0.0, 0.0, math.pi),
-        LineUpdate(1, 0, 1e6, 2, MIN_FIRST_CONFIDENCE),
-    )
-    add_scan(cells, *wall(2.0), 20, IDENTITY, LineUpdate(1, 0, 1e6, 2, MIN_FIRST_CONFIDENCE))
+    add_scan(cells, *wall(-1.0), 20, Pose2(0.0, 0.0, math.pi), update_of(1, 0, 1e6, 2))
+    add_scan(cells, *wall(2.0), 20, IDENTITY, update_of(1, 0, 1e6, 2))
     assert cells.used[0] == before + 1
 
 
@@ -255,12 +240,7 @@ def test_normal_equations_are_those_of_the_distances_to_lines():
 
 def test_along_a_slanted_wall_a_hit_reaches_along_the_wall():
     lines, c = blank(), math.sqrt(0.5)
-    add_hits(
-        lines.cells,
-        hit(1.0, 0.0, 0.0, -c, c),
-        0.3,
-        LineUpdate(0, 3, 200.0, 1, MIN_FIRST_CONFIDENCE),
-    )
+    add_hits(lines.cells, hit(1.0, 0.0, 0.0, -c, c), 0.3, update_of(reach=0))
     assert touched(lines)[0][0] < 0 and all(abs(ix - iy) <= 1 for ix, iy in touched(lines))
 
 
