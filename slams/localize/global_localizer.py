@@ -31,8 +31,8 @@ from slams.localize.map_index import (
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
 CERTAIN_PROBABILITY = 0.95  # of the pose that is returned
-MIN_EXPLAINED_SCORE = 0.5  # inlier ratio minus conflict of a scan that the map explains
-MAX_CONFLICT_RATIO = 0.1  # of a scan that the map explains
+MIN_CANDIDATE_SCORE = 0.5  # inlier ratio minus conflict of an accepted candidate
+MAX_CONFLICT_RATIO = 0.1  # of an accepted candidate
 SEARCH_DISTANCE, SEARCH_ROTATION = 0.3, 0.3  # m, rad: after it a scan has independent information
 SEARCH_TIME = 2.0  # s after which a search is made without motion, to confirm a candidate
 
@@ -54,13 +54,13 @@ class GlobalLocalizer:
     """Global localization of a robot from successive scans, until one candidate is certain.
 
     `candidates`: poses at the last scan that was processed, the most likely first. `failed`: no
-    candidate of the last search explains its scan.
+    candidate of the last search was accepted.
 
     Args:
         index: the map, or its `MapIndex`.
         work: greatest work per scan [us]; without a bound each scan is processed at once.
         searches: number of searches that a candidate has to survive before it is certain.
-        min_score: of a candidate that explains a scan.
+        min_score: of an accepted candidate.
 
     Raises:
         ValueError: the map has no wall or no free space.
@@ -71,7 +71,7 @@ class GlobalLocalizer:
         index: OccupancyGrid | MapIndex,
         work: float = math.inf,
         searches: int = 1,
-        min_score: float = MIN_EXPLAINED_SCORE,
+        min_score: float = MIN_CANDIDATE_SCORE,
     ) -> None:
         self.index = index if isinstance(index, MapIndex) else MapIndex(index)
         self.candidates: list[Candidate] = []
@@ -111,14 +111,14 @@ class GlobalLocalizer:
         some = (f"{c} with probability {c.probability:.2f}" for c in self.candidates[:3])
         return "; ".join(some) or "none"
 
-    def explains(self, candidate: Candidate) -> bool:
-        """Whether the map explains a scan at a candidate."""
+    def accepts(self, candidate: Candidate) -> bool:
+        """Whether score and free-space conflict of a candidate are good enough."""
         return candidate.score >= self._min_score and candidate.conflicts < MAX_CONFLICT_RATIO
 
     @property
     def _is_certain(self) -> bool:
-        """Whether the first candidate explains its scan and is more likely than all others."""
-        if not self.candidates or not self.explains(first := self.candidates[0]):
+        """Whether the first candidate is accepted and more likely than all others."""
+        if not self.candidates or not self.accepts(first := self.candidates[0]):
             return False
         return first.probability >= CERTAIN_PROBABILITY and first.searches >= self._searches
 
@@ -166,14 +166,14 @@ class GlobalLocalizer:
         if math.hypot(step.x, step.y) >= SEARCH_DISTANCE or abs(step.theta) >= SEARCH_ROTATION:
             return True
         waited = scan.t >= self._searched_at + SEARCH_TIME
-        return waited and (first.probability >= CERTAIN_PROBABILITY or not self.explains(first))
+        return waited and (first.probability >= CERTAIN_PROBABILITY or not self.accepts(first))
 
     def _conclude(self, at: Observation, found: list[Candidate]) -> None:
         """Combine the candidates with those of the search, and update the probabilities."""
         known = [candidate for candidate in self.candidates if at.within_reach(candidate.pose)]
         new = [candidate for candidate in found if at.within_reach(candidate.pose)]
         self.candidates = merged(known, new)[: self._max_candidates]
-        self.failed = not any(map(self.explains, self.candidates))
+        self.failed = not any(map(self.accepts, self.candidates))
         self._searched_at = at.scan.t
         if self.candidates:
             self._searched_from = self.candidates[0].pose

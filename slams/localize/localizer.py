@@ -12,7 +12,7 @@ from slams.localize.map_index import MapIndex, end_points
 from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, against_map
 
-MIN_EXPLAINED_SHARE = 0.5  # of a scan; below it the world has changed or the pose is wrong
+UNLIKE_INLIER_RATIO = 0.5  # of a scan; below it the world has changed or the pose is wrong
 
 
 class Localizer:
@@ -94,4 +94,4 @@ class Localizer:
         self.explained, _ = self._index.distances.evaluate(points, pose @ scan.laser.mount)
         self._scans += 1
         self._explained_sum += self.explained
-        self._n_unlike += self.explained < MIN_EXPLAINED_SHARE
+        self._n_unlike += self.explained < UNLIKE_INLIER_RATIO

@@ -22,9 +22,7 @@ from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, wrap_angle
 MIN_VALID_BEAMS = 20  # of a scan that can be localized
 TILE_HALF_WIDTH = 2.8  # m of a square that is searched in one piece: a few ms
 LIKELIHOOD_CELL = 0.1  # m, about
-LIKELIHOOD_BLOCK = (
-    4  # cells of a coarse translation: squares of 0.8 m have a wall almost everywhere
-)
+LIKELIHOOD_BLOCK = 4  # cells of a coarse shift; larger blocks have a wall almost everywhere
 MAX_FITTED_POSES = 60  # of a search
 SAME_POSE_DISTANCE, SAME_POSE_ROTATION = 0.5, math.radians(15.0)  # m, rad: one candidate
 INDEPENDENT_BEAMS = 30.0  # of a scan: neighbors on a wall have correlated errors

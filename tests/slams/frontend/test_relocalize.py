@@ -143,7 +143,7 @@ def test_a_pose_explains_a_scan_by_its_inliers_and_with_few_beams_through_walls(
         (0.9, 0.09, True),
         (0.9, 0.11, False),
     ):
-        assert localizer.explains(Candidate(HERE, inliers, conflicts)) is expected
+        assert localizer.accepts(Candidate(HERE, inliers, conflicts)) is expected
 
 
 def test_a_place_out_of_reach_is_not_returned(room):
