@@ -140,7 +140,7 @@ def _searched(place: Place) -> Iterator[dict[str, Any]]:
 def _driven(place: Place, label: str) -> Iterator[dict[str, Any]]:
     """The second drive in the algorithm's own map of the first, and in the floor plan."""
     from slams.localize import prepare
-    from slams.localize.source import Given
+    from slams.localize.source import GivenMap
     from slams.player import replay
     from slams.registry import find
     from slams.types import IDENTITY, Pose2
@@ -150,8 +150,8 @@ def _driven(place: Place, label: str) -> Iterator[dict[str, Any]]:
     assert truth is not None
     replay(slam, place.first)
     for kind, given, frame in (
-        ("first drive", Given(slam.map(), slam, label), Pose2(*truth[0])),
-        ("floor plan", Given(place.plan, None, ""), IDENTITY),
+        ("first drive", GivenMap(slam.map(), slam, label), Pose2(*truth[0])),
+        ("floor plan", GivenMap(place.plan, None, ""), IDENTITY),
     ):
         row = {"algorithm": label, "map": kind}
         try:

@@ -114,7 +114,7 @@ class Crsm(HasEstimator):
         if match is None or match.coarse is None:
             return
         self._matcher.learn(points, match.pose)
-        self._map.lines.learn(match, points)
+        self._map.lines.learn_variance(match, points)
         self._counts["posed"] += 1
         self._counts["kept"] += pose_distance(points, match.coarse, match.pose) < self.params.cell
         self._counts["refined"] += match.coarse != match.pose

@@ -16,7 +16,7 @@ from slams.cells import GridStorage, move, observed, zeros
 from slams.frontend.correlative import LikelihoodField
 from slams.geometry import Prior
 from slams.grid_bounds import Box, GridBounds
-from slams.refine.lines import ENOUGH, THINNED, LineMap, Match
+from slams.refine.lines import MAX_BEAM_STRIDE, MIN_USED_BEAMS, LineMap, Match
 from slams.scan.end_points import EndPoints
 from slams.types import OccupancyGrid, Pose2
 
@@ -68,7 +68,7 @@ class LogOddsPyramid:
         """Gauss-Newton on the occupancy, coarse to fine: [Kohlbrecher11] sec. IV-C."""
         levels = tuple(map(tuple, self.levels))
         prior_tuple = tuple(prior.pose), prior.information
-        solvers, H = self._solvers(scan.n // ENOUGH), self._H
+        solvers, H = self._solvers(scan.n // MIN_USED_BEAMS), self._H
         pose, score, mean_square = match_kernels.climb(
             levels, scan.points, scan.n, tuple(start), prior_tuple, solvers, H
         )
@@ -118,7 +118,7 @@ class LogOddsPyramid:
 
     def _solver(self, level: int, max_stride: int) -> Solver:
         p, cell = self.params, self.levels[level].resolution
-        thinned = THINNED if p.refine else 2**level  # several beams end in one coarse cell
+        thinned = MAX_BEAM_STRIDE if p.refine else 2**level  # several beams end in one coarse cell
         stride = max(min(thinned, max_stride), 1)
         tolerance = LEVEL_TOLERANCE * cell
         if p.refine and stride > 1:

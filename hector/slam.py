@@ -107,7 +107,7 @@ class Hector(HasEstimator):
         match = self._estimator.match
         if match is None or match.coarse is None:
             return
-        self._map.lines.learn(match, points)
+        self._map.lines.learn_variance(match, points)
         self._counts["posed"] += 1
         self._counts["kept"] += (
             pose_distance(points, match.coarse, match.pose) < self.params.resolution

@@ -59,7 +59,7 @@ def test_the_mechanism_poses_every_scan_and_what_refines_it_is_ours(label):
     run = replay(slam, log)
     assert metrics.ate(run.poses, log.truth_at(run.t)) < 0.006
     if "@" in label and hasattr(slam._map, "lines"):
-        assert slam._map.lines.surface.used[0] == 0  # of refinement nothing is kept
+        assert slam._map.lines.cells.used[0] == 0  # of refinement nothing is kept
     refined = 0 if "@" in label else 49
     expected = {"kept": 49, "refined": refined, "odometry": 0, "predicted": 0, "lost": 0}
     for count, number in expected.items():

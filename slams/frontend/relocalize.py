@@ -15,11 +15,11 @@ import numpy as np
 
 from slams.grid_bounds import Box
 from slams.localize.global_localizer import GlobalLocalizer
-from slams.localize.map_index import CELL, MapIndex, has_enough
+from slams.localize.map_index import CELL_COST, MapIndex, has_enough
 from slams.types import OccupancyGrid, Pose2, Scan
 
 WORK = 9_000.0  # us for each scan
-MAX_CELLS = int(WORK / CELL)  # of a distance transform; finer maps are coarsened
+MAX_CELLS = int(WORK / CELL_COST)  # of a distance transform; finer maps are coarsened
 MAX_HALF_WIDTH = 20.0  # m, of the part of the map that is searched: 800^2 cells of 0.05 m
 MARGIN = 8.0  # m around `reach`: half driven while the map is searched, half for its walls
 SEARCHES = 2  # that have to agree: one scan may look like another place

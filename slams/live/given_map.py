@@ -10,7 +10,7 @@ from slams.live.estimate import LOST
 from slams.localize.global_localizer import GlobalLocalizer
 from slams.localize.localizer import Localizer
 from slams.localize.map_index import Work
-from slams.localize.source import Given, open_map, prepare, start_at
+from slams.localize.source import GivenMap, open_map, prepare, start_at
 from slams.params import Params as Parameters  # the class has a Params
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
@@ -50,7 +50,7 @@ class Seeker:
         notes: list[str],
     ) -> None:
         if isinstance(given, OccupancyGrid):
-            whole = Given(given, None, "")
+            whole = GivenMap(given, None, "")
         else:
             whole = open_map(given, notes)
         self._ready, self._notes = prepare(entry, params, whole), notes

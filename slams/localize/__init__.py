@@ -1,10 +1,10 @@
-"""Localization in a map that stays: found from nothing, then followed by any of the algorithms.
+"""Localization in a given map: global localization, then tracking by any of the algorithms.
 
     >>> from slams.localize import GlobalLocalizer, open_map
     >>> localizer = GlobalLocalizer(open_map("map.yaml").grid)
 
-`GlobalLocalizer` finds the pose of a robot; `prepare` gives an algorithm the map as its own;
-`Localizer` runs it there. What an algorithm has to offer for that is `Localizes`.
+`GlobalLocalizer` finds the pose of a robot in a map, `prepare` converts the map for an algorithm,
+and `Localizer` runs the algorithm in this map. Its class has to implement `Localizes`.
 """
 
 from slams.localize.global_localizer import GlobalLocalizer

@@ -1,4 +1,4 @@
-"""Kernels on a distance map: what a beam meets, and how well a scan fits at a pose."""
+"""Kernels on a distance map: ray casting, the fit of a scan, its inliers and conflicts."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from slams.geometry import solve3
 from slams.jit import njit
 from slams.types import Floats
 
-NOTHING = -1.0  # range of a beam that meets no wall
-AT_WALL = 1.42  # cells: a cell at most sqrt(2) from an occupied one touches it
-SHORTEST_STEP = 0.5  # cells that a ray goes on next to what is not free: no wall is thinner
-MAX_ROTATION = 0.05  # rad in one step of a fit; its longest way is the robust distance
-CONVERGED, CONVERGED_ROTATION = 0.01, 1e-4  # cell, rad: a step below these ends a round
-DAMPING = 1.01  # of the diagonal: a direction that no wall constrains stays
+NO_RANGE = -1.0  # of a beam that meets no wall
+MAX_CONTACT_DISTANCE = 1.42  # cells: neighbors, diagonal ones too, are at most sqrt(2) apart
+MIN_RAY_STEP = 0.5  # cells beside a cell that is not free: no wall is thinner
+MAX_FIT_ROTATION = 0.05  # rad in one step of a fit; a translation is limited by the robust distance
+FIT_TOLERANCE, FIT_ROTATION_TOLERANCE = 0.01, 1e-4  # cell, rad: a step below these ends a round
+FIT_DAMPING = 1.01  # factor of the diagonal: no motion along a degenerate direction
 
 
 class Distances(NamedTuple):
-    """A map as arrays (ny, nx) [cell]; cell [iy, ix] covers ix <= x < ix + 1.
+    """A map as arrays (ny, nx) of distances [cell]; cell [iy, ix] covers ix <= x < ix + 1.
 
-    `gap`: Chebyshev distance to the nearest cell that is not free, 0 inside such; `wall`: distance
-    to the nearest occupied cell, cut off.
+    `gap`: Chebyshev distance to the nearest cell that is not free; `wall`: truncated Euclidean
+    distance to the nearest occupied cell.
     """
 
     gap: NDArray[np.uint8]
@@ -35,52 +35,53 @@ class Distances(NamedTuple):
 def cast(distances: Distances, x: float, y: float, c: float, s: float, far: float) -> float:
     """Range [cell] at which a beam from (x, y) along (c, s) meets a wall, at most `far`.
 
-    ours: steps by the gap; `NOTHING` where the beam ends in unknown cells, or meets nothing.
+    ours: a ray advances by the gap; `NO_RANGE` if it meets no wall or ends in unknown cells.
     """
     ny, nx = distances.gap.shape
     r = 0.0
     while r < far:
         fx, fy = x + r * c, y + r * s
         if not (fx >= 0.0 and fy >= 0.0 and fx < nx and fy < ny):
-            return NOTHING
+            return NO_RANGE
         ix, iy = math.floor(fx), math.floor(fy)
         gap = distances.gap[iy, ix]
         if gap == 0:
-            return r if distances.wall[iy, ix] < AT_WALL else NOTHING
-        r += max(gap - 1.0, SHORTEST_STEP)
-    return NOTHING
+            return r if distances.wall[iy, ix] < MAX_CONTACT_DISTANCE else NO_RANGE
+        r += max(gap - 1.0, MIN_RAY_STEP)
+    return NO_RANGE
 
 
 @njit
 def measure(distances: Distances, pose: Floats, angles: Floats, far: float, out: Floats) -> None:
-    """Ranges (n,) [cell] of beams from a pose x, y [cell], theta; `NOTHING` where there is no wall.
+    """Ranges (n,) [cell] of beams from a pose x, y [cell], theta; `NO_RANGE` if they meet no wall.
 
-    ours: a wall is somewhere in its cell, so it counts as in the middle: the beam ends where it is
-    nearest to the center of the first occupied cell, `far` at most.
+    ours: a wall is assumed in the middle of its cell, so that a beam ends where it is nearest to
+    the center of the first occupied cell, at most `far` [cell] away.
     """
     ny, nx = distances.wall.shape
     for k in range(len(angles)):
         angle = pose[2] + angles[k]
         c, s = math.cos(angle), math.sin(angle)
         r = cast(distances, pose[0], pose[1], c, s, far)
-        out[k] = NOTHING
+        out[k] = NO_RANGE
         while r >= 0.0 and r < far:
             x, y = math.floor(pose[0] + r * c), math.floor(pose[1] + r * s)
-            if not (x >= 0 and y >= 0 and x < nx and y < ny and distances.wall[y, x] < AT_WALL):
+            inside = x >= 0 and y >= 0 and x < nx and y < ny
+            if not (inside and distances.wall[y, x] < MAX_CONTACT_DISTANCE):
                 break
             if distances.wall[y, x] == 0.0:
                 out[k] = (x + 0.5 - pose[0]) * c + (y + 0.5 - pose[1]) * s
                 break
-            r += SHORTEST_STEP
+            r += MIN_RAY_STEP
 
 
 @njit(inner=True, borrows=True)
 def normal_equations(
     distances: Distances, points: Floats, soft: float, pose: Floats, H: Floats, b: Floats
 ) -> None:
-    """Normal equations of the distances from end points (n, 2) [cell] to the nearest walls.
+    """Normal equations H, b of the distances from end points (n, 2) [cell] to the nearest walls.
 
-    ours: [Kohlbrecher11] eq. 12 and 13 on bilinear distances; weights (1 + (e / soft)^2)^-2.
+    ours: [Kohlbrecher11] eq. 12 and 13 on bilinear distances e; weights (1 + (e / soft)^2)^-2.
     """
     ny, nx = distances.wall.shape
     c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -115,25 +116,25 @@ def normal_equations(
 
 @njit
 def fit(distances: Distances, points: Floats, softs: Floats, steps: int, pose: Floats) -> None:
-    """Move a pose x, y [cell], theta so that end points (n, 2) [cell] lie on walls.
+    """Move a pose x, y [cell], theta in place so that end points (n, 2) [cell] lie on walls.
 
-    ours: damped Gauss-Newton, a round of at most `steps` for each robust distance in `softs`
-    [cell], from far walls to near ones.
+    ours: damped Gauss-Newton, at most `steps` for each of the falling robust distances `softs`
+    [cell]: far walls have no weight any more in the last round.
     """
-    room = np.empty((5, 3))
-    H, b, step = room[:3], room[3], room[4]
+    scratch = np.empty((5, 3))
+    H, b, step = scratch[:3], scratch[3], scratch[4]
     for soft in softs:
         for _ in range(steps):
             normal_equations(distances, points, soft, pose, H, b)
             for j in range(3):
-                H[j, j] *= DAMPING
+                H[j, j] *= FIT_DAMPING
             if not solve3(H, b, step):
                 break
             for j in range(3):
-                limit = MAX_ROTATION if j == 2 else soft
+                limit = MAX_FIT_ROTATION if j == 2 else soft
                 pose[j] += max(-limit, min(limit, step[j]))
-            way = max(abs(step[0]), abs(step[1]))
-            if way < CONVERGED and abs(step[2]) < CONVERGED_ROTATION:
+            distance = max(abs(step[0]), abs(step[1]))
+            if distance < FIT_TOLERANCE and abs(step[2]) < FIT_ROTATION_TOLERANCE:
                 break
 
 
@@ -141,11 +142,11 @@ def fit(distances: Distances, points: Floats, softs: Floats, steps: int, pose: F
 def evaluate(
     distances: Distances, points: Floats, pose: Floats, near: float, before: float
 ) -> tuple[float, float]:
-    """Shares of beams, ending in points (n, 2) [cell], that are inliers and in conflict at a pose.
+    """Inlier ratio and free-space conflict, as shares of beams with end points (n, 2) [cell].
 
-    ours: a conflict is a beam that goes through a wall `before` [cell] its end; an inlier, of the
-    others, one that ends within `near` [cell] of a wall. Somebody may stand in the way of a beam
-    that ends in free space, and nothing is known of one that ends elsewhere: neither.
+    ours: a beam is in conflict if it passes a wall more than `before` [cell] before its end point;
+    any other beam is an inlier if it ends within `near` [cell] of a wall. A beam that ends in free
+    space (at a person) or in unknown space is neither.
     """
     ny, nx = distances.gap.shape
     c, s = math.cos(pose[2]), math.sin(pose[2])

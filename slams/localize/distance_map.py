@@ -1,4 +1,4 @@
-"""DistanceMap: an occupancy grid with the distances that beams and scans are compared with."""
+"""DistanceMap: an occupancy grid with distances to walls, to which scans are fitted."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from slams.types import Floats, OccupancyGrid, Pose2
 
 Mask = NDArray[np.bool_]
 
-MAX_GAP = 255  # cells of one step of a ray
-MAX_DISTANCE = 1.0  # m; walls farther from an end point do not pull
-# m, + one cell: an inlier ends so near a wall; a conflict passes a wall so far before its end
+MAX_RAY_STEP = 255  # cells
+MAX_WALL_DISTANCE = 1.0  # m: walls farther from an end point have no weight
+# m, + one cell: between an inlier and its wall; between a conflict's wall and its end point
 INLIER_DISTANCE, CONFLICT_DISTANCE = 0.1, 0.3
-BEAMS = 180  # of a scan that are fitted and evaluated
-ROBUST_DISTANCES = (0.3, 0.1, 0.05)  # m, distance to a wall that quarters a weight, by rounds
-STEPS = 8  # of Gauss-Newton in a round
+N_FITTED_BEAMS = 180  # of a scan, about: fitted and evaluated
+ROBUST_DISTANCES = (0.3, 0.1, 0.05)  # m to a wall, where a weight is a quarter, for each round
+STEPS_PER_ROUND = 8  # of Gauss-Newton, at most
 
 
 class DistanceMap:
-    """Distances to walls and to what is not free; poses in meters, in the map's frame.
+    """Distances to walls and to cells that are not free; poses [m] in the map's frame.
 
-    Cells are free below p = 0.5, occupied above. Unknown cells end a beam without a wall, except
-    those mostly surrounded by free ones: gaps between far beams.
+    Cells are free below p = 0.5, occupied above. An unknown cell ends a beam, unless most of its
+    neighbors are free: it is a gap between distant beams.
 
     Raises:
         ValueError: the map has no wall, or no free cell.
@@ -54,37 +54,37 @@ class DistanceMap:
         import cv2
 
         gap = cv2.distanceTransform(np.pad(self.free, 1).astype(np.uint8), cv2.DIST_C, 3)
-        return np.ascontiguousarray(np.minimum(np.round(gap[1:-1, 1:-1]), MAX_GAP), np.uint8)
+        return np.ascontiguousarray(np.minimum(np.round(gap[1:-1, 1:-1]), MAX_RAY_STEP), np.uint8)
 
     @cached_property
     def distances(self) -> Distances:
-        """What the kernels take."""
+        """The distances as arrays for the kernels."""
         import cv2
 
         free = (~self.occupied).astype(np.uint8)
         distance = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-        limit = MAX_DISTANCE / self.resolution
+        limit = MAX_WALL_DISTANCE / self.resolution
         return Distances(self.gap, np.minimum(distance, limit).astype(np.float32))
 
     def fit(self, points: Floats, pose: Pose2) -> Pose2:
-        """The pose near `pose` from which end points (n, 2) [m], in its frame, lie on walls."""
+        """The pose near `pose` at which end points (n, 2) [m] in its frame lie on walls."""
         inner = self.in_cells(pose)
         softs = np.array(ROBUST_DISTANCES) / self.resolution
-        kernels.fit(self.distances, self._some(points), softs, STEPS, inner)
+        kernels.fit(self.distances, self._thinned(points), softs, STEPS_PER_ROUND, inner)
         x, y = (inner[:2] * self.resolution + self.origin).tolist()
         return Pose2(x, y, math.atan2(math.sin(inner[2]), math.cos(inner[2])))
 
     def evaluate(self, points: Floats, pose: Pose2) -> tuple[float, float]:
-        """Shares of beams from `pose` to points (n, 2) [m] that are inliers, and in conflict."""
+        """Inlier ratio and free-space conflict of beams with end points (n, 2) [m] at a pose."""
         near, before = (d / self.resolution + 1.0 for d in (INLIER_DISTANCE, CONFLICT_DISTANCE))
-        some, inner = self._some(points), self.in_cells(pose)
-        return kernels.evaluate(self.distances, some, inner, near, before)
+        points, inner = self._thinned(points), self.in_cells(pose)
+        return kernels.evaluate(self.distances, points, inner, near, before)
 
     def in_cells(self, pose: Pose2) -> Floats:
         """A pose as x, y [cell], theta."""
         x, y = ((np.array(pose[:2]) - self.origin) / self.resolution).tolist()
         return np.array([x, y, pose.theta])
 
-    def _some(self, points: Floats) -> Floats:
-        """About `BEAMS` of the points, evenly [cell]."""
-        return points[:: max(1, len(points) // BEAMS)] / self.resolution
+    def _thinned(self, points: Floats) -> Floats:
+        """About `N_FITTED_BEAMS` of the end points, evenly spaced [cell]."""
+        return points[:: max(1, len(points) // N_FITTED_BEAMS)] / self.resolution

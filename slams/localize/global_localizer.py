@@ -1,4 +1,4 @@
-"""GlobalLocalizer: the pose of a robot in a map, from nothing, over as many scans as it takes.
+"""GlobalLocalizer: global localization in a map, over as many scans as necessary.
 
     >>> localizer = GlobalLocalizer(read_map("map.yaml"))
     >>> for scan in log:
@@ -6,11 +6,11 @@
     ...     if found:
     ...         break
 
-A scan is searched for in all of the map, and the best poses are fitted to the walls. The likely
-ones are candidates: they are tracked from scan to scan, and whenever the robot has moved on the map
-is searched again and their probabilities are multiplied by what the scan says. Alike rooms stay
-candidates until the robot has left them. With bounded `work` a search is spread over scans; those
-that come meanwhile wait, and the candidates are tracked through them afterwards.
+A search compares a scan with all of the map and fits the best poses to the walls. The likely poses
+are candidates, which are tracked from scan to scan. After each 0.3 m of motion the map is searched
+again, and the probabilities are multiplied by the likelihood of the new scan. Similar rooms remain
+candidates until the robot has left them. With bounded `work` a search takes several scans; the
+candidates are tracked through these scans afterwards.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ import math
 from typing import NamedTuple
 
 from slams.localize.map_index import (
-    FIT,
-    POSES,
+    FIT_COST,
+    MAX_FITTED_POSES,
     Candidate,
     MapIndex,
     Search,
@@ -30,40 +30,40 @@ from slams.localize.map_index import (
 )
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
-CERTAIN = 0.95  # probability from which the pose is known
-MIN_SCORE = 0.5  # inliers less conflicts from which a map explains a scan
-MAX_CONFLICTS = 0.1  # share of beams through walls, up to which it does
-SEARCH_DISTANCE, SEARCH_ROTATION = 0.3, 0.3  # m, rad: after so much a scan tells something new
-SEARCH_TIME = 2.0  # s after which a search is made without any motion: a candidate is confirmed
+CERTAIN_PROBABILITY = 0.95  # of the pose that is returned
+MIN_CANDIDATE_SCORE = 0.5  # inlier ratio minus conflict of an accepted candidate
+MAX_CONFLICT_RATIO = 0.1  # of an accepted candidate
+SEARCH_DISTANCE, SEARCH_ROTATION = 0.3, 0.3  # m, rad: after it a scan has independent information
+SEARCH_TIME = 2.0  # s after which a search is made without motion, to confirm a candidate
 
 
 class Observation(NamedTuple):
-    """A scan, a dead-reckoned pose of the base, and how far the base is from it at most [m]."""
+    """A scan, the dead-reckoned pose of the base, and the motion bound around this pose [m]."""
 
     scan: Scan
     predicted: Pose2 | None
     reach: float
 
-    def reaches(self, pose: Pose2) -> bool:
-        """Whether the base can be at `pose`."""
+    def within_reach(self, pose: Pose2) -> bool:
+        """Whether `pose` is within the motion bound."""
         p = self.predicted or IDENTITY
         return math.hypot(pose.x - p.x, pose.y - p.y) <= self.reach
 
 
 class GlobalLocalizer:
-    """Takes scans until one candidate is certain.
+    """Global localization of a robot from successive scans, until one candidate is certain.
 
-    `candidates` are the poses that the robot may have had at the last scan worked on, the most
-    likely first; `failed`: the last search found none that explains its scan.
+    `candidates`: poses at the last scan that was processed, the most likely first. `failed`: no
+    candidate of the last search was accepted.
 
     Args:
-        index: the map, or a `MapIndex` already made of it.
-        work: for each scan at most [us]; without a bound every scan is done with at once.
-        searches: how many of them a candidate has to stand.
-        min_score: of a candidate that explains a scan.
+        index: the map, or its `MapIndex`.
+        work: greatest work per scan [us]; without a bound each scan is processed at once.
+        searches: number of searches that a candidate has to survive before it is certain.
+        min_score: of an accepted candidate.
 
     Raises:
-        ValueError: the map is no floor with walls.
+        ValueError: the map has no wall or no free space.
     """
 
     def __init__(
@@ -71,28 +71,31 @@ class GlobalLocalizer:
         index: OccupancyGrid | MapIndex,
         work: float = math.inf,
         searches: int = 1,
-        min_score: float = MIN_SCORE,
+        min_score: float = MIN_CANDIDATE_SCORE,
     ) -> None:
         self.index = index if isinstance(index, MapIndex) else MapIndex(index)
         self.candidates: list[Candidate] = []
         self.failed = False
         self._work, self._searches, self._min_score = work, searches, min_score
-        self._max_candidates = int(min(POSES, 0.5 * work / FIT))  # tracked through two scans a scan
-        self._queue: list[Observation] = []  # to be worked on, the oldest first
-        self._last: Pose2 | None = None  # predicted pose that the candidates belong to
-        self._search: Search | None = None  # of the oldest in the queue
-        self._searched_at, self._searched_from = 0.0, IDENTITY  # stamp and first pose then
+        self._max_candidates = int(min(MAX_FITTED_POSES, 0.5 * work / FIT_COST))  # two scans in one
+        self._queue: list[Observation] = []  # to process, the oldest first
+        self._last: Pose2 | None = None  # predicted pose at the candidates' scan
+        self._search: Search | None = None  # for the oldest in the queue
+        self._searched_at, self._searched_from = (
+            0.0,
+            IDENTITY,
+        )  # stamp, first pose of the last search
 
     def add(
         self, scan: Scan, predicted: Pose2 | None = None, reach: float = math.inf
     ) -> Candidate | None:
-        """Take the next scan; the base's pose at it, once that is certain, else None.
+        """The base's pose at the next scan if it is certain, else None.
 
         Args:
             scan: ignored if less than 20 beams are valid.
-            predicted: dead-reckoned pose of the base; without `reach` only its steps count. None:
-                the scan's odometry; without that, each candidate's last step is made once more.
-            reach: how far from it the base can be [m].
+            predicted: dead-reckoned pose of the base; without `reach` only its steps are used.
+                None: the scan's odometry; without that, the last step of each candidate again.
+            reach: motion bound: greatest distance of the base from `predicted` [m].
         """
         work = Work(self._work)
         if not has_enough(scan) or not self.index.prepare(work):
@@ -108,19 +111,19 @@ class GlobalLocalizer:
         some = (f"{c} with probability {c.probability:.2f}" for c in self.candidates[:3])
         return "; ".join(some) or "none"
 
-    def explains(self, candidate: Candidate) -> bool:
-        """Whether the map explains a scan at a candidate."""
-        return candidate.score >= self._min_score and candidate.conflicts < MAX_CONFLICTS
+    def accepts(self, candidate: Candidate) -> bool:
+        """Whether score and free-space conflict of a candidate are good enough."""
+        return candidate.score >= self._min_score and candidate.conflicts < MAX_CONFLICT_RATIO
 
     @property
     def _is_certain(self) -> bool:
-        """Whether the first candidate explains its scan, and no other is as likely."""
-        if not self.candidates or not self.explains(first := self.candidates[0]):
+        """Whether the first candidate is accepted and more likely than all others."""
+        if not self.candidates or not self.accepts(first := self.candidates[0]):
             return False
-        return first.probability >= CERTAIN and first.searches >= self._searches
+        return first.probability >= CERTAIN_PROBABILITY and first.searches >= self._searches
 
     def _advance(self, at: Observation, work: Work) -> bool:
-        """Track the candidates to a scan, and search for it if due; False if work is used up."""
+        """Track the candidates to a scan, and search for it if due; False if no work is left."""
         if self._search is None:
             if not self._track(at, work):
                 return False
@@ -136,7 +139,7 @@ class GlobalLocalizer:
 
     def _track(self, at: Observation, work: Work) -> bool:
         """Move the candidates by the predicted step, then to where the scan fits."""
-        if self.candidates and not work.take(len(self.candidates) * FIT):
+        if self.candidates and not work.take(len(self.candidates) * FIT_COST):
             return False
         before, self._last = self._last, at.predicted
         step = before.between(at.predicted) if before and at.predicted else None
@@ -149,28 +152,28 @@ class GlobalLocalizer:
         return True
 
     def _is_due(self, scan: Scan) -> bool:
-        """Whether a scan tells something new, or some time later can confirm the first candidate.
+        """Whether the robot has moved since the last search, or the first candidate needs another.
 
-        Alike candidates are not compared again while the robot stands: its scans share their
-        errors, which would add up to a wrong certainty.
+        Similar candidates are not compared again while the robot stands: its scans have the same
+        errors, whose repeated use would favor a wrong candidate.
         """
         if not self.candidates:
             return True
         if self._is_certain:
             return False
         first = self.candidates[0]
-        way = self._searched_from.between(first.pose)
-        if math.hypot(way.x, way.y) >= SEARCH_DISTANCE or abs(way.theta) >= SEARCH_ROTATION:
+        step = self._searched_from.between(first.pose)
+        if math.hypot(step.x, step.y) >= SEARCH_DISTANCE or abs(step.theta) >= SEARCH_ROTATION:
             return True
         waited = scan.t >= self._searched_at + SEARCH_TIME
-        return waited and (first.probability >= CERTAIN or not self.explains(first))
+        return waited and (first.probability >= CERTAIN_PROBABILITY or not self.accepts(first))
 
     def _conclude(self, at: Observation, found: list[Candidate]) -> None:
-        """Weigh the candidates anew, with those that the search has found."""
-        known = [candidate for candidate in self.candidates if at.reaches(candidate.pose)]
-        fresh = [candidate for candidate in found if at.reaches(candidate.pose)]
-        self.candidates = merged(known, fresh)[: self._max_candidates]
-        self.failed = not any(map(self.explains, self.candidates))
+        """Combine the candidates with those of the search, and update the probabilities."""
+        known = [candidate for candidate in self.candidates if at.within_reach(candidate.pose)]
+        new = [candidate for candidate in found if at.within_reach(candidate.pose)]
+        self.candidates = merged(known, new)[: self._max_candidates]
+        self.failed = not any(map(self.accepts, self.candidates))
         self._searched_at = at.scan.t
         if self.candidates:
             self._searched_from = self.candidates[0].pose

@@ -1,4 +1,4 @@
-"""Localizer: an algorithm in a map that stays as it is; its poses are in the map's frame."""
+"""Localizer: an algorithm in a given map, which does not change; poses in the map's frame."""
 
 from __future__ import annotations
 
@@ -12,21 +12,20 @@ from slams.localize.map_index import MapIndex, end_points
 from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, against_map
 
-POOR = 0.5  # share of a scan below which the world has changed, or the robot is elsewhere
+UNLIKE_INLIER_RATIO = 0.5  # of a scan; below it the world has changed or the pose is wrong
 
 
 class Localizer:
     """A `Slam` around an algorithm whose map is finished.
 
-    The first update takes `start` for the pose of its scan; all others are the algorithm's.
-    `explained` is the share of the last scan's beams that the map explains, `quality` the
-    algorithm's own.
+    The first update returns `start`, the others the pose of the algorithm. `explained` is the
+    inlier ratio of the last scan in the map, `quality` that of the algorithm.
 
     Args:
         slam: the algorithm, with its map.
-        index: the map that poses are given in.
-        start: the base's pose in it at the first scan.
-        origin: the algorithm's frame in that of the map.
+        index: the map in whose frame poses are returned.
+        start: the base's pose in the map at the first scan.
+        origin: the algorithm's frame in the map's frame.
     """
 
     Params: ClassVar[type[Params]] = Params
@@ -38,60 +37,61 @@ class Localizer:
         self.explained = 1.0
         self._index, self._origin = index, origin
         self._start: Pose2 | None = start
-        self._scans = self._poor = 0
-        self._sum = 0.0
+        self._scans = self._n_unlike = 0
+        self._explained_sum = 0.0
         slam.frozen = True
 
     @property
     def params(self) -> Any:
-        """The algorithm's own."""
+        """Parameters of the algorithm."""
         return getattr(self.slam, "params", None)
 
     def update(self, scan: Scan) -> Pose2:
-        """Take the next scan; the base's pose in the map."""
+        """Pose of the base in the map at the next scan."""
         if self._start is None:
             pose = self._origin @ self.slam.update(scan)
         else:
             pose, self._start = self._start, None
             self.slam.insert_at(scan, self._origin.between(pose))
-        self._judge(scan, pose)
+        self._evaluate(scan, pose)
         return pose
 
     def map(self) -> OccupancyGrid:
-        """The map it was given."""
+        """The given map."""
         return self._index.grid
 
     def report(self) -> dict[str, Any]:
-        """The algorithm's counts; the mean share explained; scans that are unlike the map."""
-        share = self._sum / self._scans if self._scans else math.nan
-        return dict(self.slam.report()) | {"explained": round(share, 4), "unlike": self._poor}
+        """The algorithm's counts, the mean of `explained`, the number of scans unlike the map."""
+        share = self._explained_sum / self._scans if self._scans else math.nan
+        return dict(self.slam.report()) | {"explained": round(share, 4), "unlike": self._n_unlike}
 
     @property
     def state(self) -> Any:
-        """The algorithm's own."""
+        """State of the algorithm."""
         return getattr(self.slam, "state", None)
 
     @property
     def quality(self) -> float:
-        """The algorithm's own; nan where it has none."""
+        """Quality of the algorithm's last match; nan if it has none."""
         return float(getattr(self.slam, "quality", math.nan))
 
     @property
     def covariance(self) -> Floats:
-        """The algorithm's own (3, 3) [m, rad], in the map's frame; inf where it has none."""
+        """The algorithm's covariance (3, 3) [m, rad] in the map's frame; inf if it has none."""
         own = against_map(self.slam)
         if own is None:
             return np.diag([math.inf] * 3)
-        turn = np.eye(3)
+        rotation = np.eye(3)
         c, s = math.cos(self._origin.theta), math.sin(self._origin.theta)
-        turn[:2, :2] = ((c, -s), (s, c))
-        return np.asarray(turn @ np.asarray(own) @ turn.T, np.float64)
+        rotation[:2, :2] = ((c, -s), (s, c))
+        return np.asarray(rotation @ np.asarray(own) @ rotation.T, np.float64)
 
-    def _judge(self, scan: Scan, pose: Pose2) -> None:
+    def _evaluate(self, scan: Scan, pose: Pose2) -> None:
+        """Count a scan by its inlier ratio in the map."""
         points = end_points(scan)
         if not len(points):
             return
         self.explained, _ = self._index.distances.evaluate(points, pose @ scan.laser.mount)
         self._scans += 1
-        self._sum += self.explained
-        self._poor += self.explained < POOR
+        self._explained_sum += self.explained
+        self._n_unlike += self.explained < UNLIKE_INLIER_RATIO

@@ -1,4 +1,4 @@
-"""A map to localize in: a saved state, or the yaml of map_server; and where to begin in it."""
+"""Maps to localize in, saved states or yaml files of map_server, and the start in them."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import Scan, Slam
 
-ZIP = b"PK"  # how a saved state begins
+ZIP_MAGIC = b"PK"  # first bytes of a saved state
 
 
-class Given(NamedTuple):
-    """A map: as a grid, with the algorithm it is the own map of, if it is a state."""
+class GivenMap(NamedTuple):
+    """A given map as a grid; if it is a state, with its algorithm and the label of that."""
 
     grid: OccupancyGrid
     slam: Slam | None
@@ -32,42 +32,42 @@ class Given(NamedTuple):
 
 
 class Prepared(NamedTuple):
-    """An algorithm with its own, frozen map of a map index, and its frame's place in there."""
+    """An algorithm with its frozen map, the given map, and the algorithm's frame in it."""
 
     slam: Localizes
     map_index: MapIndex
     origin: Pose2
 
     def at(self, start: Pose2) -> Localizer:
-        """The algorithm, begun at a pose in the map."""
+        """The algorithm, started at a pose in the map."""
         return Localizer(self.slam, self.map_index, start, self.origin)
 
 
-def open_map(path: str | Path, notes: list[str] | None = None) -> Given:
-    """Read a saved state, or a map_server yaml with its picture.
+def open_map(path: str | Path, notes: list[str] | None = None) -> GivenMap:
+    """Read a saved state, or a map_server yaml with its image.
 
     Raises:
         OSError: a file cannot be opened.
-        ValueError: it is neither; the sentence says why.
+        ValueError: the file is neither; the message gives the reason.
     """
     from slams.formats.occupancy import read_map
     from slams.state import read_state
 
     path = Path(path)
     with path.open("rb") as file:
-        is_state = file.read(len(ZIP)) == ZIP
+        is_state = file.read(len(ZIP_MAGIC)) == ZIP_MAGIC
     if not is_state:
-        return Given(read_map(path, notes), None, "")
+        return GivenMap(read_map(path, notes), None, "")
     state = read_state(path)
-    return Given(state.slam.map(), state.slam, state.label)
+    return GivenMap(state.slam.map(), state.slam, state.label)
 
 
-def prepare(entry: Entry, params: Params, given: Given) -> Prepared:
-    """An algorithm in a map: its own state, or new with a virtual drive through any other map.
+def prepare(entry: Entry, params: Params, given: GivenMap) -> Prepared:
+    """An algorithm in a given map: its own state, or a new one after a virtual drive.
 
     Raises:
-        TypeError: the algorithm does not offer the hooks.
-        ValueError: the map is no floor with walls.
+        TypeError: the algorithm does not implement `Localizes`.
+        ValueError: the map has no wall or no free space.
     """
     from slams.registry import label_of
 
@@ -81,7 +81,7 @@ def prepare(entry: Entry, params: Params, given: Given) -> Prepared:
 
 
 class Start(NamedTuple):
-    """Where a log begins in a map: the number of the scan, the pose there, what to tell."""
+    """Start of a log in a map: number of the scan, its pose, a note for the user."""
 
     scan: int
     pose: Pose2
@@ -89,16 +89,16 @@ class Start(NamedTuple):
 
 
 def start_at(index: MapIndex, log: Iterable[Scan], pose: Pose2) -> Start:
-    """The first scan, at the pose near the given one where it fits best."""
+    """Start at the first scan, fitted to the map near the given pose."""
     match = index.match(next(iter(log)), [pose])[0]
     return Start(0, match.pose, f"starts at {match}")
 
 
 def find_start(index: MapIndex, log: ScanLog) -> Start:
-    """The first scan of a log at which its pose in the map is certain.
+    """Start at the first scan of a log at which its pose in the map is certain.
 
     Raises:
-        RuntimeError: it never is; the sentence tells the most likely places.
+        RuntimeError: no pose is certain; the message has the most likely ones.
     """
     localizer = GlobalLocalizer(index)
     for number, scan in enumerate(log):
@@ -106,16 +106,16 @@ def find_start(index: MapIndex, log: ScanLog) -> Start:
         if found is not None:
             return Start(number, found.pose, f"found at {found} by scan {number} of {len(log)}")
     raise RuntimeError(
-        f"{log.name}: its place in the map is not sure after all {len(log)} scans (most likely: "
-        f"{localizer.likely}); expected a log that leaves alike places, or --start"
+        f"{log.name}: no certain pose in the map after all {len(log)} scans (most likely: "
+        f"{localizer.likely}); expected a log that leaves similar places, or --start"
     )
 
 
 def pose_of(text: str) -> Pose2:
-    """The pose "x,y,theta" of the command line [m, rad].
+    """Parse a pose "x,y,theta" of the command line [m, rad].
 
     Raises:
-        ValueError: it is none.
+        ValueError: the text is no pose.
     """
     try:
         x, y, theta = map(float, text.split(","))

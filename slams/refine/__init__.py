@@ -1,1 +1,1 @@
-"""What is ours behind the papers: lines in cells, and a scan fitted to them."""
+"""Refinement after the papers' matchers (ours): lines in map cells, and the fit to them."""

@@ -1,9 +1,9 @@
-"""Kernels of the surface layer: where exactly, inside a cell, the wall stands.
+"""Kernels of the line cells: the line of the wall inside each cell of a grid.
 
-ours: the occupancy of a cell knows a wall only to the cell. Here each cell near a wall keeps the
-mean point and the mean normal of the hits around it, so that the matcher sees a signed distance to
-a line instead of a step of probability. A cell has two layers: the faces of a thin wall have
-opposite normals, and a corner has two walls.
+ours: occupancy gives the position of a wall only to a cell. Here each cell near a wall keeps the
+mean point and the mean normal of the hits around it, so that a match has the signed distance to a
+line instead of a step of probability. A cell has two lines: a thin wall has two faces with opposite
+normals, and a corner has two walls.
 """
 
 from __future__ import annotations
@@ -18,47 +18,46 @@ from slams.jit import njit
 from slams.scan.scan_kernels import Points
 from slams.types import Pose2
 
-LAYERS = 2
-SUMS = 7  # of a layer
+LINES_PER_CELL = 2
+SUMS_PER_LINE = 7
 
 
-class Surface(NamedTuple):
-    """Lines of the cells near walls, in a pool that cells point into.
+class LineCells(NamedTuple):
+    """Lines of the cells near walls, in a pool that the cells point into.
 
-    `slot` (ny, nx) [iy, ix] the cell's row in the pool, 0 = none; for each of two layers `sums`
-    (k, 14) has weight, sums of x and y [m] from the cell's center, sums of the normal, the number
-    of scans that hit it and the last of them; `lines` (k, 8) the unit normal toward the free side,
-    its distance from the map's origin [m] and the trust 0..1; `used` (1,) the last row taken.
-    `seen` (ny, nx) what the grid of the same cells says: cells below `free` are free; x0, y0 [m]
-    the center of cell [0, 0].
+    `slot` (ny, nx) [iy, ix]: row of the cell in the pool, 0 = none. For each of two lines `sums`
+    (k, 14) has weight, sums of x and y [m] from the cell's center, sums of the normal, number of
+    scans that hit it and the last of them; `lines` (k, 8) has the unit normal toward free space,
+    its distance from the map's origin [m] and the confidence 0..1. `used` (1,): last row in use.
+    `grid` (ny, nx): value of the occupancy grid, free below `free`; x0, y0 [m]: center of [0, 0].
     """
 
     slot: NDArray[np.int32]
     sums: NDArray[np.float32]
     lines: NDArray[np.float32]
     used: NDArray[np.int64]
-    seen: NDArray[np.float32]
+    grid: NDArray[np.float32]
     x0: float
     y0: float
     resolution: float
     free: float
 
 
-class Splat(NamedTuple):
-    """How hits enter the lines: cells reached across and along the wall, cap of the weight.
+class LineUpdate(NamedTuple):
+    """How the hits of a scan enter the lines: cells across and along the wall, cap of the weight.
 
-    `number` counts the scans that have entered; `once` is the trust in a line of one scan alone.
+    `number` of the scan; `first_confidence` is that of a line from one scan alone.
     """
 
     reach: int
     side: int
     cap: float
     number: int
-    once: float
+    first_confidence: float
 
 
 class Hits(NamedTuple):
-    """Several hits of one cell: their number, mean point [m] and mean normal."""
+    """Hits of a scan in one cell: their number, mean point [m] and mean normal."""
 
     n: float
     x: float
@@ -68,28 +67,28 @@ class Hits(NamedTuple):
 
 
 @njit(inner=True, borrows=True)
-def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, splat: Splat) -> None:
-    """Add hits to the layer of this cell with a like normal.
+def add_to_cell(cells: LineCells, ix: int, iy: int, hits: Hits, update: LineUpdate) -> None:
+    """Add hits to the line of one cell whose normal is similar.
 
-    ours: means of points and normals; beyond the weight `cap` the mean follows slowly. What one
-    scan saw alone may have been a leg: it is trusted by `once`.
+    ours: means of points and normals; from the weight `cap` on they are exponential means. Hits of
+    a single scan may be a person's leg, so that their line has `first_confidence`.
     """
-    cx, cy = surface.x0 + ix * surface.resolution, surface.y0 + iy * surface.resolution
-    sums, lines = surface.sums, surface.lines
-    row = np.uint64(surface.slot[iy, ix])
+    cx, cy = cells.x0 + ix * cells.resolution, cells.y0 + iy * cells.resolution
+    sums, lines = cells.sums, cells.lines
+    row = np.uint64(cells.slot[iy, ix])
     if row == 0:
-        if surface.used[0] + 1 >= lines.shape[0]:
+        if cells.used[0] + 1 >= lines.shape[0]:
             return
-        surface.used[0] += 1
-        surface.slot[iy, ix] = surface.used[0]
-        row = np.uint64(surface.used[0])
-    for layer in range(LAYERS):
-        k, q = SUMS * layer, 4 * layer
+        cells.used[0] += 1
+        cells.slot[iy, ix] = cells.used[0]
+        row = np.uint64(cells.used[0])
+    for line in range(LINES_PER_CELL):
+        k, q = SUMS_PER_LINE * line, 4 * line
         w, mx, my = sums[row, k], sums[row, k + 3], sums[row, k + 4]
         along = mx * hits.nx + my * hits.ny
         if w > 0.0 and (along <= 0.0 or along * along < 0.5 * (mx * mx + my * my)):
             continue
-        keep = (splat.cap - hits.n) / w if w > splat.cap - hits.n else 1.0
+        keep = (update.cap - hits.n) / w if w > update.cap - hits.n else 1.0
         terms = (1.0, hits.x - cx, hits.y - cy, hits.nx, hits.ny)
         for i in range(5):
             sums[row, k + i] = keep * sums[row, k + i] + hits.n * terms[i]
@@ -98,61 +97,62 @@ def add_to_cell(surface: Surface, ix: int, iy: int, hits: Hits, splat: Splat) ->
         ex, ey = mx / length, my / length
         lines[row, q], lines[row, q + 1] = ex, ey
         lines[row, q + 2] = ex * (cx + sums[row, k + 1] / w) + ey * (cy + sums[row, k + 2] / w)
-        if sums[row, k + 6] != splat.number:
+        if sums[row, k + 6] != update.number:
             sums[row, k + 5] += 1.0
-            sums[row, k + 6] = splat.number
+            sums[row, k + 6] = update.number
         scans = sums[row, k + 5]
-        lines[row, q + 3] = length / (w + 2.0) * (splat.once if scans < 2.0 else 1.0 - 1.0 / scans)
+        share = update.first_confidence if scans < 2.0 else 1.0 - 1.0 / scans
+        lines[row, q + 3] = length / (w + 2.0) * share
         break
 
 
 @njit(inner=True, borrows=True)
-def spread(surface: Surface, hits: Hits, gap: float, splat: Splat) -> None:
-    """Add hits of one cell to it and to cells around.
+def add_hits(cells: LineCells, hits: Hits, gap: float, update: LineUpdate) -> None:
+    """Add hits of one cell to this cell and to cells around it.
 
-    ours: `reach` cells along the normal to both sides, so that a wall on the border of two cells
-    is not cut in two, and along the wall halfway over the `gap` [m] to the next beam.
+    ours: to `reach` cells on both sides of the wall, so that a wall on the border of two cells has
+    one line, and along the wall over half of the `gap` [m] to the next beam.
     """
-    height, width = surface.slot.shape
-    scale = 1.0 / surface.resolution
-    fx, fy = (hits.x - surface.x0) * scale + 0.5, (hits.y - surface.y0) * scale + 0.5
+    height, width = cells.slot.shape
+    scale = 1.0 / cells.resolution
+    fx, fy = (hits.x - cells.x0) * scale + 0.5, (hits.y - cells.y0) * scale + 0.5
     side = int(0.5 * gap * scale + 0.5)
-    side = splat.side if side > splat.side else side
+    side = update.side if side > update.side else side
     length = math.sqrt(hits.nx * hits.nx + hits.ny * hits.ny)
     nx, ny = hits.nx / length, hits.ny / length
     for j in range(-side, side + 1):
-        for k in range(-splat.reach, splat.reach + 1):
+        for k in range(-update.reach, update.reach + 1):
             ix, iy = math.floor(fx + k * nx - j * ny), math.floor(fy + k * ny + j * nx)
             if 0 <= ix < width and 0 <= iy < height:
-                add_to_cell(surface, ix, iy, hits, splat)
+                add_to_cell(cells, ix, iy, hits, update)
 
 
 @njit(inner=True, borrows=True)
-def wall_behind(surface: Surface, x: float, y: float, nx: float, ny: float) -> bool:
-    """Whether one cell against the normal (nx, ny) of a hit at (x, y) [m] stands a wall.
+def wall_behind(cells: LineCells, x: float, y: float, nx: float, ny: float) -> bool:
+    """Whether the cell behind a hit at (x, y) [m] with the normal (nx, ny) is occupied.
 
-    ours: noise brings hits of a wall near its cell's border into the cell in front, which is mostly
-    seen free. Without them the line would be the mean of the farther hits, millimeters too far.
+    ours: noise moves hits of a wall near the border of its cell into the free cell in front.
+    Without these hits the line would be the mean of the farther ones, millimeters behind the wall.
     """
-    height, width = surface.seen.shape
-    scale = 1.0 / surface.resolution
+    height, width = cells.grid.shape
+    scale = 1.0 / cells.resolution
     length = math.sqrt(nx * nx + ny * ny)
-    ix = math.floor((x - surface.x0) * scale - nx / length + 0.5)
-    iy = math.floor((y - surface.y0) * scale - ny / length + 0.5)
-    return bool(0 <= ix < width and 0 <= iy < height and surface.seen[iy, ix] > 0.0)
+    ix = math.floor((x - cells.x0) * scale - nx / length + 0.5)
+    iy = math.floor((y - cells.y0) * scale - ny / length + 0.5)
+    return bool(0 <= ix < width and 0 <= iy < height and cells.grid[iy, ix] > 0.0)
 
 
 @njit
 def add_scan(
-    surface: Surface, points: Points, normals: Points, n: int, pose: Pose2, splat: Splat
+    cells: LineCells, points: Points, normals: Points, n: int, pose: Pose2, update: LineUpdate
 ) -> None:
     """Add every end point that has a normal; points (2, >= n), normals (3, >= n) in the base frame.
 
-    ours: neighbors that fall into one cell with like normals are added together. What stands where
-    it was free most of the time is no wall, unless the next cell behind it is one.
+    ours: neighbors in one cell with similar normals are added together. A hit in a cell that is
+    mostly free belongs to no wall, unless the next cell behind it is occupied.
     """
-    height, width = surface.slot.shape
-    scale = 1.0 / surface.resolution
+    height, width = cells.slot.shape
+    scale = 1.0 / cells.resolution
     c, s = math.cos(pose.theta), math.sin(pose.theta)
     count = x = y = nx = ny = gap = 0.0
     cell_x = cell_y = 0
@@ -163,19 +163,19 @@ def add_scan(
         bx, by = c * ax - s * ay, s * ax + c * ay
         px = pose.x + c * points[0, i] - s * points[1, i]
         py = pose.y + s * points[0, i] + c * points[1, i]
-        ix = math.floor((px - surface.x0) * scale + 0.5)
-        iy = math.floor((py - surface.y0) * scale + 0.5)
+        ix = math.floor((px - cells.x0) * scale + 0.5)
+        iy = math.floor((py - cells.y0) * scale + 0.5)
         if not (0 <= ix < width and 0 <= iy < height):
             continue
-        if surface.seen[iy, ix] < 0.0 and not wall_behind(surface, px, py, bx, by):
+        if cells.grid[iy, ix] < 0.0 and not wall_behind(cells, px, py, bx, by):
             continue
-        alike = nx * bx + ny * by > 0.9 * count
-        if count > 0.0 and not (ix == cell_x and iy == cell_y and alike):
-            spread(surface, Hits(count, x / count, y / count, nx / count, ny / count), gap, splat)
+        is_similar = nx * bx + ny * by > 0.9 * count
+        if count > 0.0 and not (ix == cell_x and iy == cell_y and is_similar):
+            add_hits(cells, Hits(count, x / count, y / count, nx / count, ny / count), gap, update)
             count = x = y = nx = ny = gap = 0.0
         cell_x, cell_y = ix, iy
         count += 1.0
         x, y, nx, ny = x + px, y + py, nx + bx, ny + by
         gap = normals[2, i] if normals[2, i] > gap else gap
     if count > 0.0:
-        spread(surface, Hits(count, x / count, y / count, nx / count, ny / count), gap, splat)
+        add_hits(cells, Hits(count, x / count, y / count, nx / count, ny / count), gap, update)

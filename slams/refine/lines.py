@@ -1,4 +1,4 @@
-"""LineMap: lines inside the cells of a grid, made of the scans themselves, and the fit to them."""
+"""LineMap: lines inside the cells of a grid, built from scans, and the match to them."""
 
 from __future__ import annotations
 
@@ -10,33 +10,36 @@ from numpy.typing import NDArray
 
 from slams.cells import move, zeros
 from slams.geometry import Prior
-from slams.refine.line_cell_kernels import LAYERS, SUMS, Splat, Surface, add_scan
+from slams.refine.line_cell_kernels import (
+    LINES_PER_CELL,
+    SUMS_PER_LINE,
+    LineCells,
+    LineUpdate,
+    add_scan,
+)
 from slams.refine.line_kernels import Fit, evaluate, fit
 from slams.refine.params import RefineParams
 from slams.scan.end_points import EndPoints, pose_distance
 from slams.types import Floats, Pose2
 
-THINNED, ENOUGH = 4, 180  # a fit begins with every fourth beam, if those are so many
-NEAR = 0.2  # of a cell: a step below it is the last of so few beams
-LAST = 10.0  # times `converged`, from close by: of many beams the next step is a fifteenth
-SOFT = 3.0  # deviations of the noise at which a beam counts half
-ONCE = 0.1  # trust in a line that one scan alone has seen: it may have been a leg
-STANDING = 0.5  # the same, times s, of scans so far apart: no leg is there still when it matters
-BLURRED = 2.0  # deviations of the noise that a hit may lie off the cell of its wall
-CLOSE, SAME = 0.5, 0.25  # of a cell: starts that lead to the same lines; fits that are one
-LEAST_ROWS, CELLS_PER_ROW = 1 << 18, 16  # of the pool: few cells have a wall
+MAX_BEAM_STRIDE, MIN_USED_BEAMS = 4, 180  # a fit begins with every fourth beam, at least so many
+STRIDE_STEP = 0.2  # of a cell: after a step below it all beams are used
+CLOSE_TOLERANCE_RATIO = 10.0  # times `converged` from a close start: one step is enough
+ROBUST_SCALE_DEVIATIONS = 3.0  # of the noise, at which the weight of a beam is halved
+MIN_FIRST_CONFIDENCE = 0.1  # in a line of one scan alone: it may be a person's leg
+CONFIDENCE_PER_INTERVAL = 0.5  # 1/s: the same for rare scans, before whose next one a leg is gone
+HIT_SPREAD_DEVIATIONS = 2.0  # of the noise between a hit and the cell of its wall
+CLOSE_START, SAME_FIT = 0.5, 0.25  # of a cell: start and coarse match meet the same lines; one fit
+MIN_POOL_ROWS, CELLS_PER_POOL_ROW = 1 << 18, 16  # few cells have a wall
+NO_INFORMATION = np.zeros((3, 3))
 Grid = NDArray[np.float32]
 
 
-NO_INFORMATION = np.zeros((3, 3))
-
-
 class Match(NamedTuple):
-    """A matched pose and how well it fits.
+    """A matched pose with inlier ratio and mean square distance of the inliers [m^2].
 
-    The share of beams that the map explains, the variance of their distance from it [m^2], the
-    information (3, 3) of the scan about the pose [1/m^2, 1/(m rad), 1/rad^2]. `coarse`: where the
-    paper's mechanism ended, that it began from.
+    `information` (3, 3) of the scan about the pose [1/m^2, 1/(m rad), 1/rad^2]; `coarse`: result of
+    the paper's mechanism, from which the refinement started.
     """
 
     pose: Pose2
@@ -47,20 +50,20 @@ class Match(NamedTuple):
 
 
 class LineMap:
-    """Lines of walls in the cells of a grid; `variance` [m^2] is that of a beam's distance.
+    """Lines of walls in the cells of a grid; `variance` [m^2] of a beam's distance from its line.
 
     Args:
         params: of the lines and the fit.
-        seen: what the grid says of its cells, (ny, nx).
+        grid: occupancy values (ny, nx), negative where mostly free.
         first: center of cell [0, 0], x, y [m].
         cell: edge of a cell [m].
-        free: what it says of free cells is below; one scan alone should not get there.
+        free: value below which a cell is free; a single scan should not reach it.
     """
 
     def __init__(
         self,
         params: RefineParams,
-        seen: Grid,
+        grid: Grid,
         first: tuple[float, float],
         cell: float,
         free: float,
@@ -69,65 +72,67 @@ class LineMap:
         self.variance = params.range_noise**2
         self._scans = 0
         self._H = np.zeros((3, 3))
-        rows = max(LEAST_ROWS, seen.size // CELLS_PER_ROW)
-        sums, lines = zeros((rows, LAYERS * SUMS), np.float32), zeros((rows, 8), np.float32)
-        slot = zeros(seen.shape, np.int32)
-        self.surface = Surface(slot, sums, lines, np.zeros(1, np.int64), seen, *first, cell, free)
+        rows = max(MIN_POOL_ROWS, grid.size // CELLS_PER_POOL_ROW)
+        sums = zeros((rows, LINES_PER_CELL * SUMS_PER_LINE), np.float32)
+        lines, slot = zeros((rows, 8), np.float32), zeros(grid.shape, np.int32)
+        self.cells = LineCells(slot, sums, lines, np.zeros(1, np.int64), grid, *first, cell, free)
 
-    def move(self, seen: Grid, first: tuple[float, float], below: int, left: int) -> None:
-        """The grid has grown, by so many cells below and at the left."""
-        slot = zeros(seen.shape, np.int32)
-        move(self.surface.slot, slot, below, left)
-        self.surface = self.surface._replace(slot=slot, seen=seen, x0=first[0], y0=first[1])
+    def move(self, grid: Grid, first: tuple[float, float], below: int, left: int) -> None:
+        """Follow the grid, which has grown by so many cells below and at the left."""
+        slot = zeros(grid.shape, np.int32)
+        move(self.cells.slot, slot, below, left)
+        self.cells = self.cells._replace(slot=slot, grid=grid, x0=first[0], y0=first[1])
 
     def insert(self, points: EndPoints, pose: Pose2) -> None:
-        """Let a scan taken at `pose` enter; hits of a noisy laser reach more cells."""
-        p = self.params
+        """Add a scan taken at `pose`; hits of a noisy laser enter more cells."""
+        p, noise = self.params, points.noise
         self._scans += 1
-        reach = max(p.reach, math.ceil(BLURRED * points.noise / self.surface.resolution))
-        once = max(STANDING * points.scan_interval, ONCE)
-        splat = Splat(reach, p.side, p.weight_cap, self._scans, once)
-        add_scan(self.surface, points.points, points.normals, points.n, pose, splat)
+        reach = max(p.reach, math.ceil(HIT_SPREAD_DEVIATIONS * noise / self.cells.resolution))
+        confidence = max(CONFIDENCE_PER_INTERVAL * points.scan_interval, MIN_FIRST_CONFIDENCE)
+        update = LineUpdate(reach, p.side, p.weight_cap, self._scans, confidence)
+        add_scan(self.cells, points.points, points.normals, points.n, pose, update)
 
     def fit(self, points: EndPoints, start: Pose2, prior: Prior, close: bool = False) -> Match:
-        """Gauss-Newton on the distances to the lines.
+        """Match by Gauss-Newton on the distances to the lines.
 
-        From a start that is `close` all beams take part at once: one step is enough.
+        From a `close` start all beams are used in the first step, which is enough.
         """
-        stride = max(min(THINNED, points.n // ENOUGH), 1)
-        near, soft = NEAR * self.surface.resolution, self._softness(points)
-        tolerance = self.params.converged * (LAST if close and stride > 1 else stride)
-        how = Fit(
-            self.params.line_steps, tolerance, near, 1 if close else stride, soft, self.variance
-        )
+        p, stride, soft = self.params, _stride(points), self._softness(points)
+        tolerance = p.converged * (CLOSE_TOLERANCE_RATIO if close and stride > 1 else stride)
+        stride, stride_tolerance = 1 if close else stride, STRIDE_STEP * self.cells.resolution
+        settings = Fit(p.line_steps, tolerance, stride_tolerance, stride, soft, self.variance)
         view, H = (points.points, points.rough_normals, points.n, tuple(points.mount)), self._H
-        known = tuple(prior.pose), prior.information
-        pose, share, square = fit(tuple(self.surface), view, tuple(start), known, tuple(how), H)
+        starts = tuple(start), (tuple(prior.pose), prior.information)
+        pose, inlier_ratio, square = fit(tuple(self.cells), view, *starts, tuple(settings), H)
         variance = max(square, points.noise**2)
-        return Match(Pose2(*pose), share, variance, H / variance)
+        return Match(Pose2(*pose), inlier_ratio, variance, H / variance)
 
     def refine(self, points: EndPoints, start: Pose2, coarse: Pose2, prior: Prior) -> list[Match]:
-        """Fits from where a match by cells began, and from where it ended if that is elsewhere.
+        """Matches from the start of a `coarse` match, and from its result if that is elsewhere.
 
-        Within half a cell both meet the same lines, and the start is the nearer: cells end
-        millimeters off.
+        Within half a cell both lead to the same lines, and the start is the better one: a match by
+        cells has an error of millimeters.
         """
-        cell = self.surface.resolution
-        if pose_distance(points, coarse, start) <= CLOSE * cell:
+        cell = self.cells.resolution
+        if pose_distance(points, coarse, start) <= CLOSE_START * cell:
             return [self.fit(points, start, prior, close=True)]
-        found = [self.fit(points, start, prior), self.fit(points, coarse, prior)]
-        same = pose_distance(points, found[0].pose, found[1].pose) <= SAME * cell
-        return found[1:] if same else found
+        matches = [self.fit(points, start, prior), self.fit(points, coarse, prior)]
+        is_same = pose_distance(points, matches[0].pose, matches[1].pose) <= SAME_FIT * cell
+        return matches[1:] if is_same else matches
 
     def evaluate(self, points: EndPoints, pose: Pose2) -> tuple[float, float]:
-        """Shares of the beams that lie on a line at a pose, and that end where it was free."""
+        """Inlier ratio and free-space conflict of a scan at a pose."""
         view = tuple(points.mount), tuple(pose), 1.0 / self._softness(points) ** 2
-        stride = max(min(THINNED, points.n // ENOUGH), 1)
-        return evaluate(tuple(self.surface), points.points, points.n, stride, *view)
+        return evaluate(tuple(self.cells), points.points, points.n, _stride(points), *view)
 
-    def learn(self, match: Match, points: EndPoints) -> None:
-        """Take this match's distances for usual."""
+    def learn_variance(self, match: Match, points: EndPoints) -> None:
+        """Set `variance` to that of a match."""
         self.variance = max(match.mean_square, points.noise**2)
 
     def _softness(self, points: EndPoints) -> float:
-        return max(self.params.softness, SOFT * points.noise)
+        return max(self.params.softness, ROBUST_SCALE_DEVIATIONS * points.noise)
+
+
+def _stride(points: EndPoints) -> int:
+    """Every how many beams a fit uses at first."""
+    return max(min(MAX_BEAM_STRIDE, points.n // MIN_USED_BEAMS), 1)

@@ -1,4 +1,4 @@
-"""Parameters of the lines in the cells, and of the fit to them."""
+"""Parameters of the line cells, and of the fit to them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from slams.scan.params import ScanParams
 
 @dataclass(frozen=True)
 class RefineParams(ScanParams):
-    """What comes behind the paper's mechanism; the same for all that fit scans to lines."""
+    """Parameters of the refinement after the paper's mechanism, by a fit to lines."""
 
     refine: bool = param(
         True,
@@ -22,7 +22,7 @@ class RefineParams(ScanParams):
     reach: int = param(
         1,
         "cell",
-        "cells across the wall on each side that learn of a hit",
+        "cells on each side of the wall that a hit enters",
         source="ours: basin",
         low=0,
         high=5,
@@ -30,7 +30,7 @@ class RefineParams(ScanParams):
     side: int = param(
         3,
         "cell",
-        "most cells along the wall that bridge the gap between two beams",
+        "greatest number of cells along the wall that fill the gap to the next beam",
         source="ours: sparse lasers",
         low=0,
         high=10,
@@ -38,14 +38,14 @@ class RefineParams(ScanParams):
     weight_cap: float = param(
         200.0,
         "1",
-        "hits a cell's line remembers",
+        "greatest weight of a cell's line, in hits",
         source="ours: stiff, yet follows a moved wall",
         low=10.0,
     )
     softness: float = param(
         0.05,
         "m",
-        "distance to a line at which a beam counts half, at least; three times the noise",
+        "distance to a line that halves a beam's weight; at least three times the noise",
         source="ours: a cell",
         low=0.001,
     )
@@ -53,7 +53,7 @@ class RefineParams(ScanParams):
         12,
         "1",
         "Gauss-Newton steps on the lines, at most",
-        source="ours: 3 are usual",
+        source="ours: 3 are typical",
         low=1,
         high=1000,
     )
@@ -61,6 +61,6 @@ class RefineParams(ScanParams):
         2e-4,
         "m",
         "a step below this (and this times 1 rad/m) is the last; with many beams four times this",
-        source="ours: a tenth of what the pose is good to; of many beams the next step is a tenth",
+        source="ours: a tenth of the pose's error; with many beams the next step is a tenth",
         low=0.0,
     )

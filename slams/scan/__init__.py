@@ -1,1 +1,1 @@
-"""A scan as the matchers see it: end points in the base frame, their noise, their normals."""
+"""Reading of a scan: end points in the base frame, noise of the ranges, normals."""

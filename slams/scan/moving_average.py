@@ -1,21 +1,21 @@
-"""A moving average over seconds: what scans were like lately."""
+"""MovingAverage: a mean of recent measurements, weighted by time."""
 
 from __future__ import annotations
 
 import math
 
-MAX_WEIGHT_TIME = 0.1  # s that one scan counts for at most: two or three rare scans are chance
-FRESH_TIME = 0.08  # s for which a measurement need not be repeated: at 40 Hz one scan in four
+MAX_WEIGHT_TIME = 0.1  # s that one scan counts at most: the mean needs several rare scans
+FRESH_TIME = 0.08  # s without a new measurement: at 40 Hz one scan in four is measured
 
 
 class MovingAverage:
-    """A mean that forgets in seconds, not in scans: the same at 10 and at 40 Hz.
+    """Exponential moving average with a time constant in seconds: the same at 10 and at 40 Hz.
 
-    Where scans are rarer it is of as many as at 10 Hz; of the first scans it is the plain mean.
+    The first scans have equal weights. Below 10 Hz as many scans count as at 10 Hz.
 
     Args:
-        seconds: the time constant: the weight of a scan falls to 1/e in it [s].
-        value: the value until something was measured.
+        seconds: time constant [s], in which the weight of a scan falls to 1/e.
+        value: the value before the first measurement.
     """
 
     def __init__(self, seconds: float, value: float = 0.0) -> None:
@@ -25,11 +25,11 @@ class MovingAverage:
         self._scans = 0
 
     def is_fresh(self, t: float) -> bool:
-        """Whether the last measurement is recent enough at the time `t` [s]."""
+        """Whether the last measurement is recent at the time `t` [s]."""
         return 0.0 <= t - self._t < FRESH_TIME
 
-    def learn(self, value: float, t: float) -> None:
-        """Take the measurement of the scan of time `t` [s], once per scan."""
+    def add(self, value: float, t: float) -> None:
+        """Add the measurement of the scan of time `t` [s], once per scan."""
         if t == self._t:
             return
         self._scans += 1

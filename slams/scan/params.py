@@ -1,4 +1,4 @@
-"""Parameters of how a scan is read."""
+"""Parameters of the reading of a scan."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from slams.params import Params, param
 
 @dataclass(frozen=True)
 class ScanParams(Params):
-    """Which ends of beams are used, and how fine they are; the same for all that read scans so."""
+    """Which end points are used, and how noise and normals are measured."""
 
     min_range: float = param(
         0.1, "m", "nearer ends are not used", source="ours: the laser's own", low=0.0
@@ -20,7 +20,7 @@ class ScanParams(Params):
     deskew: bool = param(
         True,
         "1",
-        "take out the motion during a sweep that has a time per beam",
+        "correct the motion during a sweep that has a time per beam",
         source="ours: 3 cm at 0.5 m/s and 5 Hz",
         switch=True,
     )
@@ -34,13 +34,13 @@ class ScanParams(Params):
     range_noise: float = param(
         0.02,
         "m",
-        "noise of a beam until scans have shown it",
+        "noise of a beam before the first estimate",
         source="ours: between a UTM-30LX's 0.01 and its specified 0.03",
         low=1e-4,
     )
     quietest: float = param(
-        0.001, "m", "no laser is believed to be quieter", source="ours: what ranges are rounded to"
+        0.001, "m", "least noise that is assumed", source="ours: what ranges are rounded to"
     )
     noisiest: float = param(
-        0.15, "m", "noise beyond which a scan is clutter", source="ours: three cells"
+        0.15, "m", "greatest noise that is assumed", source="ours: three cells; beyond is clutter"
     )

@@ -1,4 +1,4 @@
-"""Kernels of the scan: end points, freed from the motion of a sweep, and their normals."""
+"""Kernels of the scan: end points, deskewing, isolated-point filter, normals."""
 
 from __future__ import annotations
 
@@ -13,47 +13,46 @@ from slams.types import Floats, Pose2, Ranges
 
 Points = NDArray[np.float64]
 
-DENSE = 8  # part of half a window that a normal may be beside its beam
-BESIDE, COMPANY = 4, 2  # end points to either side; so many of them make a surface with one
-POST = 0.15  # m, width of the thinnest thing that is worth a beam
+NORMALS_PER_HALF_WINDOW = 8  # end points between two of these share a normal
+N_NEIGHBORS, MIN_CLOSE_NEIGHBORS = 4, 2  # end points to either side; close ones of a surface
+MIN_OBJECT_WIDTH = 0.15  # m of an object that the isolated-point filter has to leave
 
 
 class Limits(NamedTuple):
-    """Which end points are used: least and greatest distance [m]."""
+    """Least and greatest range [m] of a beam that is used, both exclusive."""
 
     near: float
     far: float
 
 
 class ScanResolution(NamedTuple):
-    """How fine a scan is: noise of its ranges, half window of a normal, slack of a surface [m]."""
+    """Noise of the ranges, half window of a normal, least gap between two surfaces, all [m]."""
 
     noise: float
     window: float
-    slack: float
+    gap_threshold: float
 
 
 class Twist(NamedTuple):
-    """Motion of the base during a sweep: velocity vx, vy [m/s], turn [rad/s], s per beam.
+    """Motion of the base during a sweep: vx, vy [m/s], yaw rate [rad/s], time per beam [s].
 
-    `still` is the number of the beam at whose time the base is where end points are measured from.
+    `reference` is the number of the beam whose time the deskewed end points have.
     """
 
     vx: float
     vy: float
-    turn: float
+    yaw_rate: float
     time_increment: float
-    still: float
+    reference: float
 
 
 @njit
 def end_points(
     ranges: Ranges, directions: Floats, mount: Pose2, limits: Limits, out: Points
 ) -> tuple[int, float]:
-    """End points in the base frame and the beams they are of; how many, and the farthest [m].
+    """End points out (3, b) of ranges (b,) [m] in the base frame; their number, the farthest [m].
 
-    [Kohlbrecher11] sec. IV-A. ranges (b,) m, directions
-    (b, 2) in the laser frame, out (3, b): x, y [m], number of the beam.
+    [Kohlbrecher11] sec. IV-A. directions (b, 2) in the laser frame; out: x, y [m], beam's number.
     """
     c, s = math.cos(mount.theta), math.sin(mount.theta)
     n, far = 0, 0.0
@@ -74,16 +73,16 @@ def end_points(
 
 @njit
 def deskew(points: Points, n: int, twist: Twist) -> None:
-    """Bring end points to the base frame at the time of the beam `still`, in place.
+    """Move end points to the base frame at the time of the beam `reference`, in place.
 
     ours: the original ignores that the robot moves during a sweep. points (3, >= n) of
-    `end_points`; the base moves on an arc, its chord turned by half the turn.
+    `end_points`. The base moves on an arc, whose chord is rotated by half the arc's angle.
     """
     for i in range(n):
-        t = (points[2, i] - twist.still) * twist.time_increment
-        turn = twist.turn * t
-        c, s = math.cos(turn), math.sin(turn)
-        ch, sh = math.cos(0.5 * turn), math.sin(0.5 * turn)
+        t = (points[2, i] - twist.reference) * twist.time_increment
+        angle = twist.yaw_rate * t
+        c, s = math.cos(angle), math.sin(angle)
+        ch, sh = math.cos(0.5 * angle), math.sin(0.5 * angle)
         x, y, vx, vy = points[0, i], points[1, i], twist.vx * t, twist.vy * t
         points[0, i] = c * x - s * y + ch * vx - sh * vy
         points[1, i] = s * x + c * y + sh * vx + ch * vy
@@ -91,9 +90,9 @@ def deskew(points: Points, n: int, twist: Twist) -> None:
 
 @njit(inner=True, borrows=True)
 def beyond_chord(points: Points, a: int, i: int, b: int, mount: Pose2) -> float:
-    """How far end point i lies behind the line through a and b, along its beam [m]; inf: never met.
+    """Distance of end point i behind the line through a and b, along its beam [m]; inf: parallel.
 
-    ours: exactly 0 on a straight wall, however far apart the beams and however flat they meet it.
+    ours: exactly 0 on a straight wall, at any spacing of the beams and any angle of incidence.
     """
     ax, ay = points[0, a] - mount.x, points[1, a] - mount.y
     px, py = points[0, i] - mount.x, points[1, i] - mount.y
@@ -115,72 +114,71 @@ def square_gap(points: Points, i: int, k: int) -> float:
 
 
 @njit(inner=True, borrows=True)
-def jumps(points: Points, i: int, mount: Pose2, step: float, slack: float) -> bool:
-    """Whether a surface ends before end point i: a gap of more than `slack` [m] and four spacings.
+def jumps(points: Points, i: int, mount: Pose2, step: float, gap_threshold: float) -> bool:
+    """Whether a surface ends before end point i; `step` [rad] is the angle between two beams.
 
-    ours: beams are `step` [rad] apart.
+    ours: there is a gap of more than `gap_threshold` [m] plus four spacings of the beams.
     """
     square = square_gap(points, i, i - 1)
-    if square <= slack * slack:  # most: no root for them
+    if square <= gap_threshold * gap_threshold:  # most end points: saves the square root
         return False
     rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
-    gap = slack + 4.0 * step * math.sqrt(rx * rx + ry * ry)
+    gap = gap_threshold + 4.0 * step * math.sqrt(rx * rx + ry * ry)
     return bool(square > gap * gap)
 
 
 @njit
 def beyond_chords(
-    points: Points, n: int, mount: Pose2, near: float, most: float, out: Floats
+    points: Points, n: int, mount: Pose2, max_chord: float, max_distance: float, out: Floats
 ) -> int:
-    """How far beams lie off the line through both neighbors [m], out (>= n,); returns how many.
+    """Distances of end points from the line through both neighbors [m], out (>= n,); their number.
 
-    ours: what is left of a wall there is noise. Of every third beam whose neighbors are within
-    `near` [m] of each other, if it is within `most` [m]: farther off is another thing, or smoke.
+    ours: on a wall these distances are noise. Every third end point is used, if its neighbors are
+    within `max_chord` [m] and the line is within `max_distance` [m]: else it is off their wall.
     """
     count = 0
     for i in range(1, n - 1, 3):
-        if square_gap(points, i - 1, i + 1) < near * near:
-            off = abs(beyond_chord(points, i - 1, i, i + 1, mount))
-            if off < most:
-                out[count] = off
+        if square_gap(points, i - 1, i + 1) < max_chord * max_chord:
+            distance = abs(beyond_chord(points, i - 1, i, i + 1, mount))
+            if distance < max_distance:
+                out[count] = distance
                 count += 1
     return count
 
 
 @njit
 def remove_isolated(
-    points: Points, n: int, mount: Pose2, step: float, slack: float, out: Points
+    points: Points, n: int, mount: Pose2, step: float, gap_threshold: float, scratch: Points
 ) -> int:
-    """Leave out end points that have no company, in place; how many are left. `out` is room.
+    """Isolated-point filter, in place; returns how many end points are left.
 
-    ours: rain, smoke, mixed pixels and faults are one beam each, a surface is several. Company are
-    `COMPANY` of the `BESIDE` end points to either side, within `slack` [m] and four times the
-    spacing of these beams: in smoke one is there by chance. Where a post is seen by fewer beams
-    than that takes, all stay. points, out (3, >= n).
+    ours: rain, smoke, mixed pixels and faults give single end points. `MIN_CLOSE_NEIGHBORS` of the
+    `N_NEIGHBORS` to either side have to be within `gap_threshold` [m] plus four spacings. Where an
+    object of `MIN_OBJECT_WIDTH` has too few beams for that, all stay. points, scratch (3, >= n).
     """
-    lone, before = 0, False
+    isolated, near_last = 0, False
     for i in range(n):
-        behind = i + 1 < n and square_gap(points, i, i + 1) < slack * slack
-        company = before and behind  # most: no root for them
-        before = behind
-        if company:
+        near_next = i + 1 < n and square_gap(points, i, i + 1) < gap_threshold * gap_threshold
+        is_between = near_last and near_next  # most end points: saves the square root
+        near_last = near_next
+        if is_between:
             continue
-        first, end = max(i - BESIDE, 0), min(i + BESIDE + 1, n)
+        first, end = max(i - N_NEIGHBORS, 0), min(i + N_NEIGHBORS + 1, n)
         rx, ry = points[0, i] - mount.x, points[1, i] - mount.y
         beams = (points[2, end - 1] - points[2, first]) / max(end - 1 - first, 1)
         spacing = beams * step * math.sqrt(rx * rx + ry * ry)
-        if (COMPANY + 1) * spacing >= POST:
+        if (MIN_CLOSE_NEIGHBORS + 1) * spacing >= MIN_OBJECT_WIDTH:
             continue
-        gap = slack + 4.0 * spacing
+        gap = gap_threshold + 4.0 * spacing
         near = 0
         for k in range(first, end):
             near += k != i and square_gap(points, i, k) < gap * gap
-        if near < COMPANY:
-            out[0, lone] = i
-            lone += 1
-    kept = int(out[0, 0]) if lone > 0 else n
-    for k in range(lone):
-        first, end = int(out[0, k]) + 1, int(out[0, k + 1]) if k + 1 < lone else n
+        if near < MIN_CLOSE_NEIGHBORS:
+            scratch[0, isolated] = i
+            isolated += 1
+    kept = int(scratch[0, 0]) if isolated > 0 else n
+    for k in range(isolated):
+        first, end = int(scratch[0, k]) + 1, int(scratch[0, k + 1]) if k + 1 < isolated else n
         for i in range(first, end):
             for row in range(3):
                 points[row, kept] = points[row, i]
@@ -190,12 +188,12 @@ def remove_isolated(
 
 @njit
 def scan_moments(
-    points: Points, n: int, mount: Pose2, step: float, slack: float, out: Floats
+    points: Points, n: int, mount: Pose2, step: float, gap_threshold: float, out: Floats
 ) -> None:
-    """Running sums of x, y, xx, xy, yy along the scan, and where its surface begins anew.
+    """Running sums of x, y, xx, xy, yy along the scan, and the starts of its surfaces.
 
-    ours: a window's line comes from differences of these. `slack` [m] and `step` [rad] as of
-    `jumps`; out (6, n + 1), row 5 the first index of the run of beams without a jump.
+    ours: the line of a window is computed from differences of the sums. `gap_threshold` [m] and
+    `step` [rad] as in `jumps`; out (6, n + 1), row 5 the first end point of each one's surface.
     """
     for k in range(6):
         out[k, 0] = 0.0
@@ -203,7 +201,7 @@ def scan_moments(
     sx = sy = sxx = sxy = syy = 0.0
     for i in range(n):
         x, y = points[0, i], points[1, i]
-        if i > 0 and jumps(points, i, mount, step, slack):
+        if i > 0 and jumps(points, i, mount, step, gap_threshold):
             first = i
         sx, sy, sxx, sxy, syy = sx + x, sy + y, sxx + x * x, sxy + x * y, syy + y * y
         k = i + 1
@@ -214,12 +212,11 @@ def scan_moments(
 
 @njit(inner=True, borrows=True)
 def window_normal(
-    points: Points, moments: Floats, a: int, b: int, rx: float, ry: float, blur: float
+    points: Points, moments: Floats, a: int, b: int, rx: float, ry: float, variance: float
 ) -> tuple[float, float, float]:
-    """Normal of the end points a to b against the beam rx, ry [m], and their mean gap [m].
+    """Normal of the end points a to b, against the beam rx, ry [m], and their mean gap [m].
 
-    ours: total least squares; 0, 0, 0 where there are too few of them, and where they are bent by
-    more than noise of the variance `blur` [m^2].
+    ours: total least squares; 0 if they are too few, or curved by more than the `variance` [m^2].
     """
     m = b - a + 1
     if m < 3:
@@ -230,7 +227,7 @@ def window_normal(
     cyy = moments[4, b + 1] - moments[4, a] - sy * sy / m
     split = math.sqrt(0.25 * (cxx - cyy) * (cxx - cyy) + cxy * cxy)
     mean = 0.5 * (cxx + cyy)
-    if mean - split - m * blur > 0.1 * (mean + split):
+    if mean - split - m * variance > 0.1 * (mean + split):
         return 0.0, 0.0, 0.0
     nx, ny = (cxy, mean - split - cxx) if cyy < cxx else (mean - split - cyy, cxy)
     length = math.sqrt(nx * nx + ny * ny)
@@ -248,18 +245,17 @@ def scan_normals(
     n: int,
     mount: Pose2,
     step: float,
-    grain: ScanResolution,
+    resolution: ScanResolution,
     moments: Floats,
     out: Points,
 ) -> None:
     """Normal of the scan at each end point, toward the sensor, and the gap to its neighbors.
 
-    ours: total least squares over the beams within about `grain.window`, two at least, up to the
-    next jump; places bent by more than the noise (a corner in the window) get no normal. Beams
-    within a `DENSE`-th of half a window that is whole have the normal of one of them. points
-    (2, >= n), moments of `scan_moments`, out (3, >= n): normal (0, 0 where none), mean gap [m].
+    ours: total least squares over the end points of one surface within about `resolution.window`,
+    at least two to either side; 0, 0 at a corner. Neighbors share a normal where the window is
+    complete. points (2, >= n), moments of `scan_moments`, out (3, >= n): normal, mean gap [m].
     """
-    window, blur = grain.window, grain.noise * grain.noise
+    window, variance = resolution.window, resolution.noise * resolution.noise
     last, shares = n - 1, 0
     for i in range(n - 1, -1, -1):
         if i + 1 < n and moments[5, i] != moments[5, i + 1]:
@@ -273,25 +269,24 @@ def scan_normals(
         first = int(moments[5, i])
         a = first if first > i - half else i - half
         b = last if last < i + half else i + half
-        nx, ny, gap = window_normal(points, moments, a, b, rx, ry, blur)
+        nx, ny, gap = window_normal(points, moments, a, b, rx, ry, variance)
         out[0, i], out[1, i], out[2, i] = nx, ny, gap
-        shares = half // DENSE if b - a == 2 * half else 0
+        shares = half // NORMALS_PER_HALF_WINDOW if b - a == 2 * half else 0
 
 
 @njit
 def chords(
-    points: Points, n: int, mount: Pose2, step: float, grain: ScanResolution, out: Points
+    points: Points, n: int, mount: Pose2, step: float, resolution: ScanResolution, out: Points
 ) -> None:
-    """Which way the surface at each end point faces, toward the sensor; 0, 0 where it has none.
+    """Vector across the surface at each end point, toward the sensor; 0, 0 where it has none.
 
-    ours: across the chord of the beams that `scan_normals` fits a line to, and as long, in a fifth
-    of the time: enough to tell faces apart. points (2, >= n), out (3, >= n): a vector of any
-    length, mean gap of the beams [m].
+    ours: perpendicular to the chord of the window of `scan_normals`; it separates the faces of a
+    wall, in a fifth of the time. points (2, >= n), out (3, >= n): vector and mean gap [m].
     """
-    first, across = 0, grain.window / step
+    first, across = 0, resolution.window / step
     while first < n:
         last = first
-        while last + 1 < n and not jumps(points, last + 1, mount, step, grain.slack):
+        while last + 1 < n and not jumps(points, last + 1, mount, step, resolution.gap_threshold):
             last += 1
         for i in range(first, last + 1):
             rx, ry = points[0, i] - mount.x, points[1, i] - mount.y

@@ -1,4 +1,4 @@
-"""Kernels of tilt: end points of a laser that is not level, projected to the plane."""
+"""Kernels of leveling: end points of a tilted laser, projected to the level plane."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from slams.jit import njit
 from slams.scan.scan_kernels import Points
 from slams.types import Floats
 
-HITS, DEEP, BELOW, LATE, SWUNG = range(5)  # of what `level` finds of the floor
+# the statistics of `level`: numbers of end points, sums of a regression
+N_ON_FLOOR, N_BELOW_LEVEL, N_BELOW_FLOOR, SUM_RESIDUAL_RATE, SUM_SQUARED_RATE = range(5)
 
 
 class Floor(NamedTuple):
-    """The laser x, y, z [m] in the base frame, and the floor `below` [m] under the base's origin.
+    """Position of the laser x, y, z [m] in the base frame, and the height of the floor.
 
-    `below` is inf where it is not known. Ends within `clear` [m] of it are of a level floor; ramps
-    rise by `rise` [m] and fall by `fall` [m] from there. All are wider by `error` [rad] times the
-    range.
+    The floor is `below` [m] under the base's origin, inf where that is unknown. End points within
+    `clear` [m] are on a level floor; ramps rise by `rise` [m] and fall by `fall` [m] from it. Each
+    limit is extended by `error` [rad] times the range.
     """
 
     x: float
@@ -34,46 +35,48 @@ class Floor(NamedTuple):
 def level(
     points: Points,
     n: int,
-    start: Floats,
+    R: Floats,
     rate: Floats,
-    per_beam: float,
+    time_increment: float,
     floor: Floor,
     out: Points,
-    found: Floats,
+    statistics: Floats,
 ) -> tuple[int, float]:
-    """Project end points of a tilted base to the level plane; how many are left, the farthest [m].
+    """Project end points of a tilted base to the level plane; their number, the farthest [m].
 
-    [Kohlbrecher11] sec. III: scans are transformed by the attitude, ends at the floor left out.
-    points (3, >= n) of `end_points`, out (3, >= n) the same or others. `start` (3, 3) turns base
-    axes level at the first beam, `rate` (3, 3) [1/s] is its change, `per_beam` [s] the time from
-    beam to beam. ours: `found` (5,) tells what is wrong with an attitude, by the ends that should
-    be of the floor: how many are near it, how many deeper, how many too deep for any floor, and the
-    sums of residual times rate and of the squared rate of the slope of the beams near it.
+    [Kohlbrecher11] sec. III: the attitude transforms the scan, end points on the floor are removed.
+    points (3, >= n) of `end_points`; out (3, >= n), may be `points`. `R` (3, 3) turns base
+    axes level at the first beam, `rate` (3, 3) [1/s] is its change, `time_increment` [s] is per
+    beam. ours: end points expected on the floor show errors of an attitude. `statistics` (5,): how
+    many are near the floor, below a level floor, and below any floor; of those near the floor the
+    sums of slope residual times slope rate and of the squared slope rate.
     """
     kept, square = 0, 0.0
-    found[:] = 0.0
+    statistics[:] = 0.0
     z = floor.z
-    above_floor = floor.below + start[2, 0] * floor.x + start[2, 1] * floor.y + start[2, 2] * z
+    laser_height = floor.below + R[2, 0] * floor.x + R[2, 1] * floor.y + R[2, 2] * z
     for i in range(n):
-        x, y, t = points[0, i], points[1, i], points[2, i] * per_beam
+        x, y, t = points[0, i], points[1, i], points[2, i] * time_increment
         dx, dy = x - floor.x, y - floor.y
-        swing = rate[2, 0] * dx + rate[2, 1] * dy
-        rise = start[2, 0] * dx + start[2, 1] * dy + t * swing
+        height_rate = rate[2, 0] * dx + rate[2, 1] * dy
+        rise = R[2, 0] * dx + R[2, 1] * dy + t * height_rate
         if rise < 0.0:
             distance = math.sqrt(dx * dx + dy * dy)
-            above, blur = above_floor + rise, floor.error * distance
-            if above < floor.rise + blur and -rise > 0.5 * blur:
-                if above < -floor.fall - blur:
-                    found[BELOW] += 1.0
-                elif above < -floor.clear - blur:
-                    found[DEEP] += 1.0
-                elif above < floor.clear + blur:
-                    found[HITS] += 1.0
-                    found[LATE] += above * swing / (distance * distance)
-                    found[SWUNG] += swing * swing / (distance * distance)
+            height, tolerance = laser_height + rise, floor.error * distance
+            if height < floor.rise + tolerance and -rise > 0.5 * tolerance:
+                if height < -floor.fall - tolerance:
+                    statistics[N_BELOW_FLOOR] += 1.0
+                elif height < -floor.clear - tolerance:
+                    statistics[N_BELOW_LEVEL] += 1.0
+                elif height < floor.clear + tolerance:
+                    statistics[N_ON_FLOOR] += 1.0
+                    statistics[SUM_RESIDUAL_RATE] += height * height_rate / (distance * distance)
+                    statistics[SUM_SQUARED_RATE] += (
+                        height_rate * height_rate / (distance * distance)
+                    )
                 continue
-        u = start[0, 0] * x + start[0, 1] * y + start[0, 2] * z
-        v = start[1, 0] * x + start[1, 1] * y + start[1, 2] * z
+        u = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z
+        v = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z
         u += t * (rate[0, 0] * x + rate[0, 1] * y + rate[0, 2] * z)
         v += t * (rate[1, 0] * x + rate[1, 1] * y + rate[1, 2] * z)
         out[0, kept], out[1, kept], out[2, kept] = u, v, points[2, i]

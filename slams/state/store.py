@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from slams import __version__
-from slams.cells import SMALL, filled, zeros
+from slams.cells import MIN_MAPPED_SIZE, nonzero_spans, zeros
 from slams.formats.files import check_file
 from slams.formats.npz import Arrays, read_npz, write_npz
 from slams.registry import find, label_of
@@ -60,8 +60,8 @@ def save(slam: Slam, path: str | Path, beside: Mapping[str, Any] | None = None) 
     label, tree, arrays = _state_of(slam, beside or {})
     kept, large = dict(arrays), {}
     for name, array in arrays.items():
-        if array.nbytes >= SMALL and array.flags.c_contiguous:
-            spans, data = filled(array), array.reshape(-1).view(np.uint8)
+        if array.nbytes >= MIN_MAPPED_SIZE and array.flags.c_contiguous:
+            spans, data = nonzero_spans(array), array.reshape(-1).view(np.uint8)
             large[name] = [array.dtype.str, array.shape, spans]
             kept[name] = np.concatenate([data[:0], *(data[a:b] for a, b in spans)])
     head = RELEASE | {"algorithm": label, "tree": tree, "large": large}

@@ -15,7 +15,7 @@ from hector.map import (
 from hector.match_kernels import Solver, gauss_newton, normal_equations
 from slams.geometry import Prior
 from slams.refine.line_kernels import View, line_equations
-from slams.refine.lines import ENOUGH
+from slams.refine.lines import MIN_USED_BEAMS
 from slams.scan.end_points import EndPoints, pose_distance
 from slams.types import IDENTITY, Pose2
 from tests.rooms import NOTHING, calls, drive, laser, made, scan_at, settled
@@ -62,7 +62,7 @@ def mapped(beams):
 def test_the_last_steps_on_the_lines_use_all_beams(monkeypatch):
     grids, points = mapped(1081)
     quick = grids.lines.fit(points, IDENTITY, LOOSE)
-    monkeypatch.setattr("slams.refine.lines.THINNED", 1)
+    monkeypatch.setattr("slams.refine.lines.MAX_BEAM_STRIDE", 1)
     thorough = grids.lines.fit(points, IDENTITY, LOOSE)
     assert quick.pose == pytest.approx(thorough.pose, abs=2e-4)
     assert quick.inlier_ratio == pytest.approx(thorough.inlier_ratio, abs=0.01)
@@ -76,7 +76,7 @@ def test_noise_is_measured_every_tenth_of_a_second(rate, looks, monkeypatch):
     slam = made("hector")
     first, *scans = drive(n=41, rate=rate)
     slam.update(first)
-    learned = calls(monkeypatch, slam._scan._noise, "learn")
+    learned = calls(monkeypatch, slam._scan._noise, "add")
     for scan in scans:
         slam.update(scan)
     assert len(learned) == pytest.approx(looks, abs=1)
@@ -98,7 +98,7 @@ def test_information_of_cells_is_limited_by_a_residual_variance(monkeypatch):
     prior = Prior(IDENTITY, 1e4 * np.eye(3))
     points, grids = slam._scan, slam._map
     found = grids.climb(points, IDENTITY, prior)
-    level, solver = grids.levels[0], grids._solvers(points.n // ENOUGH)[0]
+    level, solver = grids.levels[0], grids._solvers(points.n // MIN_USED_BEAMS)[0]
     H = np.zeros((3, 3))
     _, _, square = gauss_newton(level, points.points, points.n, found.pose, prior, solver, H)
     variance = max(square, MIN_RESIDUAL_VARIANCE)
@@ -121,7 +121,7 @@ def test_information_of_cells_is_limited_by_a_residual_variance(monkeypatch):
 )
 def test_scans_of_many_beams_are_matched_to_the_pyramid_by_a_part_of_them(n, refine, strides):
     params = HectorParams(refine=refine)
-    solvers = [Solver(*one) for one in LogOddsPyramid(params)._solvers(n // ENOUGH)]
+    solvers = [Solver(*one) for one in LogOddsPyramid(params)._solvers(n // MIN_USED_BEAMS)]
     assert [solver.stride for solver in solvers] == strides
     for level, (solver, stride) in enumerate(zip(solvers, strides, strict=True)):
         relative = TOLERANCE_BEFORE_LINES if refine and stride > 1 else LEVEL_TOLERANCE
@@ -137,7 +137,7 @@ def test_every_few_beams_are_enough_for_a_first_step_on_the_lines():
         ends, normals = points.points[:, ::left].copy(), points.normals[:, ::left].copy()
         H, b = np.zeros((3, 3)), np.zeros(3)
         view = View(ends, normals, ends.shape[1], IDENTITY)
-        line_equations(grids.lines.surface, view, stride, IDENTITY, 400.0, H, b)
+        line_equations(grids.lines.cells, view, stride, IDENTITY, 400.0, H, b)
         sums.append((H, b))
     assert pytest.approx(sums[1][0], rel=1e-6) == H
     assert b == pytest.approx(sums[1][1], rel=1e-6)

@@ -1,4 +1,4 @@
-"""Maps that grow: where the robot can have driven, within a limit, memory only where written."""
+"""Growing maps: where the robot can have driven, within a limit, memory only where written."""
 
 import dataclasses
 import math
@@ -9,22 +9,20 @@ import numpy as np
 import pytest
 from numpy.lib.array_utils import byte_bounds
 
-from slams.cells import PAGE, PAGEMAP, GridStorage, filled, given_pages, move, zeros
-from slams.grid_bounds import MAX_UNSEEN_DISTANCE, Box, GridBounds
+from slams.cells import PAGE_SIZE, PAGEMAP, GridStorage, move, nonzero_spans, used_pages, zeros
+from slams.grid_bounds import MAX_DISTANCE_FROM_MAP, Box, GridBounds
 from slams.player import WARM_UP_SCANS, replay, warm_up
 from slams.registry import find
 from slams.scanlog import TimeSeries
 from slams.summary import as_text, summarize
 from tests.rooms import ALGORITHMS, ORIGINALS, drive
 
-needs_pagemap = pytest.mark.skipif(
-    not PAGEMAP.exists(), reason="only Linux tells which pages it gave"
-)
+needs_pagemap = pytest.mark.skipif(not PAGEMAP.exists(), reason="only Linux lists the pages in use")
 
 
 def taken(array):
     """Bytes of memory that an array takes at most."""
-    return int(given_pages(*byte_bounds(array)).sum()) * PAGE
+    return int(used_pages(*byte_bounds(array)).sum()) * PAGE_SIZE
 
 
 @needs_pagemap
@@ -32,16 +30,16 @@ def test_memory_is_taken_where_it_is_written_to():
     array = zeros((4096, 4096), np.float32)
     assert taken(array) == 0
     array[1000, 7] = array[3000, 4095] = 1.0
-    assert taken(array) == 2 * PAGE
+    assert taken(array) == 2 * PAGE_SIZE
 
 
-def test_without_the_system_telling_all_pages_count(monkeypatch, tmp_path):
+def test_without_a_page_map_all_pages_count(monkeypatch, tmp_path):
     monkeypatch.setattr("slams.cells.PAGEMAP", tmp_path / "none")
     array = zeros((64, 4096), np.float32)
     array[3, 3000] = 1.0
-    assert given_pages(0, 10 * PAGE).all()
-    block = (3 * 4 * 4096 + 4 * 3000) // PAGE * PAGE
-    assert filled(array) == [(block, block + PAGE)]
+    assert used_pages(0, 10 * PAGE_SIZE).all()
+    block = (3 * 4 * 4096 + 4 * 3000) // PAGE_SIZE * PAGE_SIZE
+    assert nonzero_spans(array) == [(block, block + PAGE_SIZE)]
 
 
 def test_a_room_is_a_square_around_the_origin():
@@ -93,7 +91,7 @@ def test_what_grows_stays_untouched_where_it_was():
     small, large = zeros((512, 4096), np.float32), zeros((1024, 8192), np.float32)
     small[300, 2000] = 1.0
     move(small, large, 100, 1000)
-    assert taken(large) == PAGE
+    assert taken(large) == PAGE_SIZE
 
 
 @needs_pagemap
@@ -102,15 +100,22 @@ def test_of_a_large_room_the_written_blocks_are_known():
     array[20_000, 5] = array[-1, -9] = 1.0
     array[0, :9] = 0.0  # written to, and zero
     block = 20_000 * (4 << 14)
-    assert filled(array) == [(block, block + PAGE), (array.nbytes - PAGE, array.nbytes)]
+    assert nonzero_spans(array) == [
+        (block, block + PAGE_SIZE),
+        (array.nbytes - PAGE_SIZE, array.nbytes),
+    ]
 
 
-@pytest.mark.parametrize("offset", [0, 1, PAGE - 3, PAGE])
+@pytest.mark.parametrize("offset", [0, 1, PAGE_SIZE - 3, PAGE_SIZE])
 def test_blocks_count_from_where_an_array_begins(offset):
-    array = zeros((20 * PAGE,), np.uint8)[offset : offset + 9 * PAGE + 7]
-    array[[2 * PAGE, 3 * PAGE, 8 * PAGE - 1, len(array) - 1]] = 1
-    spans = [(2 * PAGE, 4 * PAGE), (7 * PAGE, 8 * PAGE), (9 * PAGE, len(array))]
-    assert filled(array) == spans
+    array = zeros((20 * PAGE_SIZE,), np.uint8)[offset : offset + 9 * PAGE_SIZE + 7]
+    array[[2 * PAGE_SIZE, 3 * PAGE_SIZE, 8 * PAGE_SIZE - 1, len(array) - 1]] = 1
+    spans = [
+        (2 * PAGE_SIZE, 4 * PAGE_SIZE),
+        (7 * PAGE_SIZE, 8 * PAGE_SIZE),
+        (9 * PAGE_SIZE, len(array)),
+    ]
+    assert nonzero_spans(array) == spans
 
 
 @pytest.mark.parametrize("name", ["hector", "crsm"])
@@ -134,12 +139,12 @@ LABELS = [*ALGORITHMS, *ORIGINALS]
 GROWING = [label for label in LABELS if "max_cells" in find(label).params().specs()]
 
 
-def test_a_map_may_grow_step_by_step_but_not_leap():
+def test_a_map_may_grow_step_by_step_but_not_jump():
     extent = GridBounds(1 << 26, 0.05)
-    assert extent.admits(Box.around(0.99 * MAX_UNSEEN_DISTANCE, 0.0, 10.0))
-    assert extent.admits(Box.around(1.98 * MAX_UNSEEN_DISTANCE, 0.0, 10.0))
+    assert extent.admits(Box.around(0.99 * MAX_DISTANCE_FROM_MAP, 0.0, 10.0))
+    assert extent.admits(Box.around(1.98 * MAX_DISTANCE_FROM_MAP, 0.0, 10.0))
     covered = extent.covered
-    for x in (4.0 * MAX_UNSEEN_DISTANCE, 1e300, math.inf, math.nan):
+    for x in (4.0 * MAX_DISTANCE_FROM_MAP, 1e300, math.inf, math.nan):
         assert not extent.admits(Box.around(x, 0.0, 10.0))
     assert extent.counts == {"too_far": 4, "too_large": 0}
     assert extent.covered == covered
@@ -177,25 +182,25 @@ def kept_mb(label, log, **changes):
 
 
 @cache
-def usual_mb(label):
+def typical_mb(label):
     return kept_mb(label, drive(n=40))[3]
 
 
 @pytest.mark.parametrize("label", LABELS)
 @pytest.mark.parametrize("meters", [1e3, 1e6])
 def test_odometry_that_jumps_costs_no_memory(label, meters):
-    usual = usual_mb(label)
+    typical = typical_mb(label)
     slam, run, grid, mb = kept_mb(label, degraded(meters))
-    assert mb < usual + 50.0, f"{mb:.0f} MB instead of {usual:.0f}"
+    assert mb < typical + 50.0, f"{mb:.0f} MB instead of {typical:.0f}"
     assert grid.p.size < 1.1e6
     assert np.isfinite(run.poses).all()
     report = slam.report()
-    if np.abs(run.poses[-1, 1]) > MAX_UNSEEN_DISTANCE and label in GROWING:
+    if np.abs(run.poses[-1, 1]) > MAX_DISTANCE_FROM_MAP and label in GROWING:
         assert report["too_far"] > 0
 
 
 @pytest.mark.parametrize("label", GROWING)
-def test_a_map_at_its_limit_stops_growing_and_says_so(label):
+def test_a_map_at_its_limit_stops_growing_and_reports_it(label):
     entry, log = find(label), drive(n=40)
     resolution = {"crsm": 0.02, "crsm@original": 0.005, "tsd@original": 0.01}.get(label, 0.02)
     cell = "resolution" if "resolution" in entry.params().specs() else "cell"

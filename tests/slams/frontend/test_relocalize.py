@@ -122,7 +122,7 @@ def test_small_differences_of_alike_rooms_do_not_add_up_while_the_robot_stands(o
 
 
 def test_more_alike_places_than_can_be_tracked_stay_open(monkeypatch):
-    monkeypatch.setattr(relocalize, "WORK", 3.0 * map_index.FIT)  # one is tracked, of two
+    monkeypatch.setattr(relocalize, "WORK", 3.0 * map_index.FIT_COST)  # one is tracked, of two
     draw, near = Map(grid_of(ALIKE, inside=(0.0, -1.0))), laser(541, range_max=3.0)
     drive = driving(140, Pose2(-4.5, 2.5, -1.5), Pose2(0.0, 0.005, 0.02), ALIKE, near)
     assert run(drive, draw, Pose2(0.0, -1.0, 0.0))[0] is None
@@ -143,7 +143,7 @@ def test_a_pose_explains_a_scan_by_its_inliers_and_with_few_beams_through_walls(
         (0.9, 0.09, True),
         (0.9, 0.11, False),
     ):
-        assert localizer.explains(Candidate(HERE, inliers, conflicts)) is expected
+        assert localizer.accepts(Candidate(HERE, inliers, conflicts)) is expected
 
 
 def test_a_place_out_of_reach_is_not_returned(room):
@@ -203,8 +203,8 @@ def test_the_work_of_a_scan_is_bounded_on_a_large_map(monkeypatch):
     pillars = [box(x, y, x + 0.3, y + 0.3) for x, y in rng.uniform(1.0, 38.0, (60, 2)).tolist()]
     hall = np.array([*box(0.0, 0.0, 39.5, 39.5), *[side for pillar in pillars for side in pillar]])
     draw, spent = Map(grid_of(hall, inside=(0.5, 0.5))), []
-    looked, lookups = Search._look, []
-    monkeypatch.setattr(Search, "_look", lambda *a: (looked(*a), lookups.append(a[0]._cost)))
+    looked, lookups = Search._search_tile, []
+    monkeypatch.setattr(Search, "_search_tile", lambda *a: (looked(*a), lookups.append(a[0]._cost)))
     fits, cells = calls(monkeypatch, DistanceMap, "fit"), cells_made(monkeypatch)
     assert draw.grid.p.size > 650_000
     relocalizer, pose = Relocalizer(), Pose2(20.1, 18.2, 0.5)
@@ -213,7 +213,7 @@ def test_the_work_of_a_scan_is_bounded_on_a_large_map(monkeypatch):
         pose = pose @ Pose2(0.0, 0.0, 0.03)
         scan = scan_at(pose, laser(181), hall, t=0.1 * len(spent))
         found = relocalizer.update(scan, Pose2(19.0, 19.0, 0.0), math.inf, draw)
-        costs = sum(lookups), len(fits) * map_index.FIT, sum(cells) * map_index.CELL
+        costs = sum(lookups), len(fits) * map_index.FIT_COST, sum(cells) * map_index.CELL_COST
         spent.append(costs)
         for made in (lookups, fits, cells):
             made.clear()

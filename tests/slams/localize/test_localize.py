@@ -8,14 +8,14 @@ import pytest
 from slams.localize import GlobalLocalizer, map_index
 from slams.localize.distance_map import DistanceMap
 from slams.localize.map_index import (
-    TILE,
+    TILE_HALF_WIDTH,
     Candidate,
     MapIndex,
     Search,
     Work,
+    distinct_poses,
     end_points,
     merged,
-    thinned,
 )
 from slams.test_world import odd_scans
 from slams.types import Laser, OccupancyGrid, Pose2
@@ -158,17 +158,17 @@ def test_the_squares_of_a_search_are_those_in_which_a_laser_has_room(room):
     iy, ix = np.nonzero(index.distances.gap > 2)
     places = np.stack([ix, iy], axis=1) * 0.05 + (-2.975, 2.025)
     off = np.abs(places[:, None] - middles).max(axis=2)
-    assert off.min(axis=1).max() <= TILE + 1e-9  # everywhere is in one of them
-    assert off.min(axis=0).max() < TILE + 0.3  # and in none is nothing
-    assert len(middles) < 0.5 * 60.0 * 15.0 / (2.0 * TILE) ** 2
+    assert off.min(axis=1).max() <= TILE_HALF_WIDTH + 1e-9  # everywhere is in one of them
+    assert off.min(axis=0).max() < TILE_HALF_WIDTH + 0.3  # and in none is nothing
+    assert len(middles) < 0.5 * 60.0 * 15.0 / (2.0 * TILE_HALF_WIDTH) ** 2
 
 
 def test_of_likely_poses_the_best_of_each_place_are_kept():
     poses = np.array([(0.0, 0.0, 3.1, 0.7), (0.1, 0.1, -3.1, 0.9), (0.1, 0.1, 0.0, 0.6),
                       (0.4, 0.1, 3.1, 0.8)])  # fmt: skip
-    assert thinned(poses)[:, 3].tolist() == [0.9, 0.8, 0.6]
+    assert distinct_poses(poses)[:, 3].tolist() == [0.9, 0.8, 0.6]
     many = np.column_stack([np.arange(99.0), np.zeros((99, 2)), np.linspace(0.1, 0.9, 99)])
-    assert (thinned(many) == many[::-1][: map_index.POSES]).all()
+    assert (distinct_poses(many) == many[::-1][: map_index.MAX_FITTED_POSES]).all()
 
 
 def test_a_laser_whose_back_was_never_seen_has_room(room):
@@ -177,7 +177,7 @@ def test_a_laser_whose_back_was_never_seen_has_room(room):
     p[:, : round((1.0 - room.grid.origin[0]) / 0.05) - 1] = np.nan
     index = MapIndex(OccupancyGrid(p, 0.05, room.grid.origin))
     poses = np.array([(1.0, 0.5, 0.0, 1.0), (0.9, 0.5, 0.0, 1.0), (0.5, 0.5, 0.0, 1.0)])
-    assert index.has_room(poses).tolist() == [True, True, False]
+    assert index.in_free_space(poses).tolist() == [True, True, False]
     assert error(index.search(noisy((1.0, 0.5, 0.0)))[0].pose, (1.0, 0.5, 0.0))[0] < 0.1
 
 
@@ -208,7 +208,7 @@ def test_beams_through_walls_are_taken_off_the_likelihood(room):
         through.append(room.distances.evaluate(ends, Pose2(*pose))[1])
         off.append(score + through[-1] - grid[j[inside], i[inside]].sum() / len(ends))
     assert len(through) > 10 and max(through) > 0.2
-    assert room.has_room(search._likely).all()
+    assert room.in_free_space(search._likely).all()
     assert max(off) < 0.05 and np.median(off) == pytest.approx(0.0, abs=0.01)  # some are given up
 
 
@@ -216,7 +216,7 @@ def test_likely_poses_outside_of_free_space_are_left_out(room, monkeypatch):
     poses = np.array([(50.0, 50.0, 0.0, 0.9), (1.0, 0.5, 0.0, 0.8)])
     monkeypatch.setattr(map_index, "search", lambda *_: (poses.copy(), 100))
     search = Search(room, noisy(POSES[0]))
-    search._look(room.tiles[0])
+    search._search_tile(room.tiles[0])
     assert search._likely[:, :2].tolist() == [[1.0, 0.5]]
 
 

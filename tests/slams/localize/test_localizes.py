@@ -227,7 +227,9 @@ def test_what_is_never_sure_ends_with_the_likely_places(files, log):
     lidar = laser(361)
     ranges = np.array([cast(square, (0.5, 0.2, 0.1), lidar)] * 3)
     still = type(log)(log.t[:3], ranges.astype(np.float32), lidar)
-    with pytest.raises(RuntimeError, match=r"not sure after all 3 scans \(most likely: "):
+    with pytest.raises(
+        RuntimeError, match=r"no certain pose in the map after all 3 scans \(most likely: "
+    ):
         find_start(MapIndex(grid_of(square)), still)
     write_map(files, grid_of(square))
     still.save(files / "still.npz")

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from slams.localize import Candidate, GlobalLocalizer, Localizer, MapIndex, global_localizer
-from slams.localize.distance_kernels import MAX_ROTATION, fit
+from slams.localize.distance_kernels import MAX_FIT_ROTATION, fit
 from slams.localize.distance_map import DistanceMap
 from slams.localize.global_localizer import SEARCH_TIME
-from slams.localize.map_index import TIE, is_same, merged
+from slams.localize.map_index import SCORE_TOLERANCE, is_same, merged
 from slams.localize.virtual import stations
 from slams.types import IDENTITY, Pose2
 from tests.floors import grid_of
@@ -56,8 +56,8 @@ def test_one_step_of_a_fit_is_limited():
         moved = start.copy()
         fit(distances.distances, ends / distances.resolution, np.array([soft]), 1, moved)
         steps = np.abs(moved - start)
-        assert (steps[:2] <= 1.0001 * soft).all() and steps[2] <= 1.0001 * MAX_ROTATION
-        assert steps[2] == pytest.approx(MAX_ROTATION) or steps[:2].max() == pytest.approx(soft)
+        assert (steps[:2] <= 1.0001 * soft).all() and steps[2] <= 1.0001 * MAX_FIT_ROTATION
+        assert steps[2] == pytest.approx(MAX_FIT_ROTATION) or steps[:2].max() == pytest.approx(soft)
 
 
 @pytest.mark.parametrize(
@@ -149,8 +149,8 @@ def test_a_tie_is_as_good_and_beyond_it_probabilities_fall():
     def probable(less):
         return merged([], [Candidate(HERE, 0.9, 0.0), Candidate(THERE, 0.9 - less, 0.0)])
 
-    assert [c.probability for c in probable(0.9 * TIE)] == pytest.approx([0.5, 0.5])
-    first, second = probable(TIE + 0.02)
+    assert [c.probability for c in probable(0.9 * SCORE_TOLERANCE)] == pytest.approx([0.5, 0.5])
+    first, second = probable(SCORE_TOLERANCE + 0.02)
     assert second.probability / first.probability == pytest.approx(math.exp(-30.0 * 0.02))
 
 
@@ -166,6 +166,6 @@ def test_walls_farther_than_a_meter_do_not_pull():
     assert distances.distances.wall.max() == pytest.approx(1.0 / distances.resolution)
 
 
-def test_a_virtual_drive_goes_from_place_to_place_without_leaps():
+def test_a_virtual_drive_goes_from_place_to_place_without_jumps():
     places = stations(DistanceMap(grid_of(np.array(box(0.0, 0.0, 8.0, 5.0)), inside=(1.0, 1.0))))
     assert np.hypot(*np.diff(places, axis=0).T).max() < 2.0

@@ -1,4 +1,4 @@
-"""Lines in the cells: which hits count, how far they reach, and what is learned of them."""
+"""Line cells: which hits enter, in which cells, and the variance of the distances."""
 
 import math
 
@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from slams.geometry import Prior
-from slams.refine.line_cell_kernels import Hits, Splat, add_scan, add_to_cell, spread
+from slams.refine.line_cell_kernels import Hits, LineUpdate, add_hits, add_scan, add_to_cell
 from slams.refine.line_kernels import View, line_equations
-from slams.refine.lines import ONCE, STANDING, LineMap, Match
+from slams.refine.lines import MIN_FIRST_CONFIDENCE, LineMap, Match
 from slams.refine.params import RefineParams
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Pose2
@@ -21,8 +21,8 @@ FREE = -0.5
 
 
 def blank(**changes):
-    seen = np.ones((SIZE, SIZE), np.float32)
-    return LineMap(RefineParams(**changes), seen, FIRST, CELL, FREE)
+    grid = np.ones((SIZE, SIZE), np.float32)
+    return LineMap(RefineParams(**changes), grid, FIRST, CELL, FREE)
 
 
 def seen_at(pose=IDENTITY):
@@ -40,8 +40,12 @@ def hit(n=1.0, x=0.0, y=0.0, nx=0.0, ny=1.0):
     return Hits(n, x, y, nx, ny)
 
 
+def update_of(reach=1, side=3, cap=200.0, number=1):
+    return LineUpdate(reach, side, cap, number, MIN_FIRST_CONFIDENCE)
+
+
 def row_of(lines, ix, iy):
-    return lines.surface.lines[lines.surface.slot[iy, ix]]
+    return lines.cells.lines[lines.cells.slot[iy, ix]]
 
 
 def test_a_hit_whose_wall_looks_another_way_is_not_used():
@@ -65,83 +69,83 @@ def test_a_prior_counts_by_the_variance_of_a_beam():
     assert held[1] == pytest.approx(0.02, abs=1e-4)
 
 
-@pytest.mark.parametrize(("apart", "once"), [(0.025, ONCE), (0.6, 0.3), (5.0, STANDING)])
-def test_one_scan_alone_is_believed_where_the_next_is_far_off(apart, once):
-    """No leg stands there still a second later."""
-    points, trusts = EndPoints(RefineParams()), []
-    for t in (0.0, apart, 2.0 * apart):
+@pytest.mark.parametrize(("interval", "confidence"), [(0.025, 0.1), (0.6, 0.3), (5.0, 0.5)])
+def test_one_scan_alone_counts_where_the_next_is_long_after(interval, confidence):
+    """A person's leg is gone a second later."""
+    points, confidences = EndPoints(RefineParams()), []
+    for t in (0.0, interval, 2.0 * interval):
         points.read(scan_at(IDENTITY, LIDAR, t=t), IDENTITY)
     for times in (1, 2):
         lines = blank()
         for _ in range(times):
             lines.insert(points, IDENTITY)
-        sums, trust = lines.surface.sums, lines.surface.lines[:, 3]
-        trusts.append(trust[trust > 0.0] / (sums[:, 0] / (sums[:, 0] + 2.0))[trust > 0.0])
-    assert np.median(trusts[0]) == pytest.approx(once, rel=0.01)
-    assert np.median(trusts[1]) == pytest.approx(0.5, rel=0.01)
+        sums, found = lines.cells.sums, lines.cells.lines[:, 3]
+        confidences.append(found[found > 0.0] / (sums[:, 0] / (sums[:, 0] + 2.0))[found > 0.0])
+    assert np.median(confidences[0]) == pytest.approx(confidence, rel=0.01)
+    assert np.median(confidences[1]) == pytest.approx(0.5, rel=0.01)
 
 
-def test_what_is_seen_is_in_units_of_the_variance_that_is_learned():
+def test_information_is_in_units_of_the_variance_that_is_learned():
     lines, points = mapped()
     held = Prior(Pose2(0.01, 0.01, 0.0), 1e12 * np.eye(3))
     match = lines.fit(points, held.pose, held)
     assert match.information == pytest.approx(lines._H / match.mean_square)
-    lines.learn(match, points)
+    lines.learn_variance(match, points)
     assert lines.variance == match.mean_square > points.noise**2
-    lines.learn(match._replace(square=0.0), points)
+    lines.learn_variance(match._replace(mean_square=0.0), points)
     assert lines.variance == points.noise**2
 
 
-def test_an_end_is_contradicted_only_in_a_free_cell_without_a_line():
+def test_a_conflict_is_an_end_point_in_a_free_cell_without_a_line():
     lines, points = blank(), seen_at()
-    for level, said in ((-0.4, 0.0), (-0.6, -1.0)):
-        lines.surface.seen[:] = level
-        assert lines.evaluate(points, IDENTITY) == (0.0, -said)
+    for level, score in ((-0.4, 0.0), (-0.6, -1.0)):
+        lines.cells.grid[:] = level
+        assert lines.evaluate(points, IDENTITY) == (0.0, -score)
     lines, points = mapped()
-    lines.surface.seen[:] = -0.6
+    lines.cells.grid[:] = -0.6
     inliers, conflicts = lines.evaluate(points, IDENTITY)
     assert inliers > 0.9 and conflicts < 0.05
 
 
-def test_a_line_that_one_scan_alone_has_seen_is_hardly_trusted():
-    lines, trusts = blank(), []
+def test_a_line_of_one_scan_alone_has_low_confidence():
+    lines, confidences = blank(), []
     for number in (1, 1, 2, 3, 4):
-        add_to_cell(lines.surface, 120, 120, hit(), Splat(1, 3, 200.0, number, ONCE))
-        trusts.append(float(row_of(lines, 120, 120)[3]))
+        add_to_cell(lines.cells, 120, 120, hit(), update_of(number=number))
+        confidences.append(float(row_of(lines, 120, 120)[3]))
     shares = [w / (w + 2.0) for w in (1.0, 2.0, 3.0, 4.0, 5.0)]
     expected = np.multiply(shares, [0.1, 0.1, 1.0 / 2.0, 2.0 / 3.0, 3.0 / 4.0])
-    assert trusts == pytest.approx(expected, rel=1e-5)
+    assert confidences == pytest.approx(expected, rel=1e-5)
 
 
 def test_beyond_its_cap_a_line_follows_slowly():
-    lines, splat = blank(), Splat(1, 3, 10.0, 1, ONCE)
+    lines, update = blank(), update_of(cap=10.0)
     for y in (0.0, 0.02):
-        add_to_cell(lines.surface, 120, 120, hit(8.0, 0.0, y), splat)
-    weight = lines.surface.sums[lines.surface.slot[120, 120], 0]
+        add_to_cell(lines.cells, 120, 120, hit(8.0, 0.0, y), update)
+    weight = lines.cells.sums[lines.cells.slot[120, 120], 0]
     assert weight == pytest.approx(10.0)
     assert row_of(lines, 120, 120)[2] == pytest.approx(0.8 * 0.02)
 
 
 def test_faces_of_a_thin_wall_and_walls_of_a_corner_have_a_layer_each():
-    lines, splat = blank(), Splat(1, 3, 200.0, 1, ONCE)
+    lines, update = blank(), update_of()
     for nx, ny in ((0.0, 1.0), (0.0, -1.0)):
-        add_to_cell(lines.surface, 120, 120, hit(1.0, 0.0, 0.0, nx, ny), splat)
+        add_to_cell(lines.cells, 120, 120, hit(1.0, 0.0, 0.0, nx, ny), update)
     both = row_of(lines, 120, 120)
     assert both[:2] == pytest.approx([0.0, 1.0]) and both[4:6] == pytest.approx([0.0, -1.0])
 
 
 def touched(lines):
-    iy, ix = np.nonzero(lines.surface.slot)
+    iy, ix = np.nonzero(lines.cells.slot)
     return sorted(zip((ix - 120).tolist(), (iy - 120).tolist(), strict=True))
 
 
 @pytest.mark.parametrize(("gap", "side"), [(0.04, 0), (0.06, 1), (0.16, 2), (9.0, 3)])
 def test_a_hit_reaches_across_its_wall_and_half_way_to_the_next_along_it(gap, side):
     lines = blank()
-    spread(lines.surface, hit(), gap, Splat(1, 3, 200.0, 1, ONCE))
+    add_hits(lines.cells, hit(), gap, update_of())
     assert touched(lines) == sorted((i, j) for i in range(-side, side + 1) for j in (-1, 0, 1))
     lines = blank()
-    spread(lines.surface, hit(1.0, 0.0, 0.0, 1.0, 0.0), gap, Splat(2, 3, 200.0, 1, ONCE))
+    add_hits(lines.cells, hit(1.0, 0.0, 0.0, 1.0, 0.0), gap, update_of(reach=2))
     assert touched(lines) == sorted((i, j) for i in range(-2, 3) for j in range(-side, side + 1))
 
 
@@ -175,36 +179,36 @@ def wall(x=1.0, n=20):
 
 def one_wall():
     lines = blank()
-    add_scan(lines.surface, *wall(), 20, IDENTITY, Splat(1, 0, 1e6, 1, ONCE))
-    return lines.surface
+    add_scan(lines.cells, *wall(), 20, IDENTITY, update_of(1, 0, 1e6))
+    return lines.cells
 
 
 def test_a_wall_near_its_cells_border_is_not_pushed_away():
     lines, border = blank(), 1.0 + 0.5 * CELL
-    lines.surface.seen[:] = -1.0
-    lines.surface.seen[:, 141] = 1.0  # the wall's cells; noise puts a third of the hits before them
+    lines.cells.grid[:] = -1.0
+    lines.cells.grid[:, 141] = 1.0  # the wall's cells; noise puts a third of the hits before them
     hits, normals = wall(n=30)
     hits[0] = border + np.array([-0.004, 0.004, 0.012] * 10)
-    add_scan(lines.surface, hits, normals, 30, IDENTITY, Splat(2, 0, 1e6, 1, ONCE))
+    add_scan(lines.cells, hits, normals, 30, IDENTITY, update_of(2, 0, 1e6))
     assert -row_of(lines, 141, 120)[2] == pytest.approx(border + 0.004, abs=5e-4)
 
 
 def test_a_wall_is_not_met_from_behind():
-    surface, H, b = one_wall(), np.zeros((3, 3)), np.zeros(3)
+    cells, H, b = one_wall(), np.zeros((3, 3)), np.zeros(3)
     for sensor, met in ((0.0, True), (2.0, False)):
         pose, ends = Pose2(sensor, 0.0, 0.0), wall()[0] - [[sensor], [0.0]]
-        seen = View(ends, np.zeros_like(ends), 20, IDENTITY)
-        total, _, near = line_equations(surface, seen, 1, pose, 400.0, H, b)
+        view = View(ends, np.zeros_like(ends), 20, IDENTITY)
+        total, _, near = line_equations(cells, view, 1, pose, 400.0, H, b)
         assert (total > 0.0) == (near > 0.0) == met
 
 
 def test_a_full_pool_refuses_more_cells_without_harm():
-    surface = one_wall()
-    surface = surface._replace(lines=surface.lines[: surface.used[0] + 2].copy())
-    before = int(surface.used[0])
-    add_scan(surface, *wall(-1.0), 20, Pose2(0.0, 0.0, math.pi), Splat(1, 0, 1e6, 2, ONCE))
-    add_scan(surface, *wall(2.0), 20, IDENTITY, Splat(1, 0, 1e6, 2, ONCE))
-    assert surface.used[0] == before + 1
+    cells = one_wall()
+    cells = cells._replace(lines=cells.lines[: cells.used[0] + 2].copy())
+    before = int(cells.used[0])
+    add_scan(cells, *wall(-1.0), 20, Pose2(0.0, 0.0, math.pi), update_of(1, 0, 1e6, 2))
+    add_scan(cells, *wall(2.0), 20, IDENTITY, update_of(1, 0, 1e6, 2))
+    assert cells.used[0] == before + 1
 
 
 def sums_by_hand(lines, points, pose, soft):
@@ -216,10 +220,10 @@ def sums_by_hand(lines, points, pose, soft):
         rows = row_of(lines, *cell).astype(float).reshape(2, 4)
         rows = [row for row in rows if row[3] > 0.0 and row[:2] @ pose[:2] > row[2]]
         if rows:
-            *n, d, trust = min(rows, key=lambda row: abs(row[:2] @ at - row[2]))
+            *n, d, confidence = min(rows, key=lambda row: abs(row[:2] @ at - row[2]))
             e, q = n @ at - d, at - pose[:2]
             J = np.array([*n, n[1] * q[0] - n[0] * q[1]])
-            w = trust / (1.0 + soft * e * e)
+            w = confidence / (1.0 + soft * e * e)
             H, b = H + w * np.outer(J, J), b - w * e * J
     return H, b
 
@@ -228,7 +232,7 @@ def test_normal_equations_are_those_of_the_distances_to_lines():
     (lines, points), pose = mapped(), Pose2(0.03, -0.02, 0.01)
     H, b = np.zeros((3, 3)), np.zeros(3)
     view = View(points.points, points.normals, points.n, IDENTITY)
-    line_equations(lines.surface, view, 1, pose, 400.0, H, b)
+    line_equations(lines.cells, view, 1, pose, 400.0, H, b)
     expected_H, expected_b = sums_by_hand(lines, points, pose, 400.0)
     assert pytest.approx(expected_H, rel=1e-4, abs=1e-6) == H
     assert b == pytest.approx(expected_b, rel=1e-4, abs=1e-4)
@@ -236,29 +240,29 @@ def test_normal_equations_are_those_of_the_distances_to_lines():
 
 def test_along_a_slanted_wall_a_hit_reaches_along_the_wall():
     lines, c = blank(), math.sqrt(0.5)
-    spread(lines.surface, hit(1.0, 0.0, 0.0, -c, c), 0.3, Splat(0, 3, 200.0, 1, ONCE))
+    add_hits(lines.cells, hit(1.0, 0.0, 0.0, -c, c), 0.3, update_of(reach=0))
     assert touched(lines)[0][0] < 0 and all(abs(ix - iy) <= 1 for ix, iy in touched(lines))
 
 
 def test_hits_of_a_noisy_laser_reach_as_many_cells_as_their_noise(monkeypatch):
-    splats = []
-    monkeypatch.setattr("slams.refine.lines.add_scan", lambda *args: splats.append(args[-1]))
+    updates = []
+    monkeypatch.setattr("slams.refine.lines.add_scan", lambda *args: updates.append(args[-1]))
     lines, points = blank(), seen_at()
     for noise in (0.01, 0.06):
         points._noise.value = noise
         lines.insert(points, IDENTITY)
-    assert [splat.reach for splat in splats] == [1, 3]
-    assert [splat.number for splat in splats] == [1, 2]
+    assert [update.reach for update in updates] == [1, 3]
+    assert [update.number for update in updates] == [1, 2]
 
 
 def test_what_stands_where_it_was_free_is_no_wall():
     lines = blank()
-    lines.surface.seen[:] = -0.1
+    lines.cells.grid[:] = -0.1
     lines.insert(seen_at(), IDENTITY)
-    assert not lines.surface.slot.any()
+    assert not lines.cells.slot.any()
 
 
-def test_a_beam_counts_half_where_the_noise_makes_that_usual():
+def test_a_beam_counts_half_at_three_deviations_of_the_noise():
     lines, points = blank(), seen_at()
     for noise, soft in ((0.02, 0.06), (0.05, 0.15), (0.001, lines.params.softness)):
         points._noise.value = noise

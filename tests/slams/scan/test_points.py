@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slams.scan.end_points import NORMAL_MEDIAN, OUTLIER, EndPoints
+from slams.scan.end_points import OUTLIER_DEVIATIONS, TRUNCATED_MEDIAN, EndPoints
 from slams.scan.moving_average import MovingAverage
 from slams.scan.params import ScanParams
 from slams.scan.scan_kernels import (
-    DENSE,
+    NORMALS_PER_HALF_WINDOW,
     Limits,
     ScanResolution,
     Twist,
@@ -25,7 +25,7 @@ from slams.scan.scan_kernels import (
 from slams.types import IDENTITY, Laser, Pose2, Scan
 from tests.rooms import laser, scan_at
 
-SLACK = 0.1
+GAP_THRESHOLD = 0.1
 
 
 def points_of(*xy):
@@ -34,7 +34,9 @@ def points_of(*xy):
 
 def kept(points, step):
     """The numbers of the beams that have company."""
-    n = remove_isolated(points, points.shape[1], IDENTITY, step, SLACK, np.zeros_like(points))
+    n = remove_isolated(
+        points, points.shape[1], IDENTITY, step, GAP_THRESHOLD, np.zeros_like(points)
+    )
     return points[2, :n].astype(int).tolist()
 
 
@@ -104,8 +106,8 @@ def test_noise_is_what_is_left_of_straight_walls():
 
 def test_the_median_is_that_of_a_normal_deviate_that_is_no_outlier():
     deviates = np.abs(np.random.default_rng(0).normal(size=2_000_000))
-    found = np.median(deviates[deviates < OUTLIER])
-    assert found == pytest.approx(NORMAL_MEDIAN, abs=0.001)
+    found = np.median(deviates[deviates < OUTLIER_DEVIATIONS])
+    assert found == pytest.approx(TRUNCATED_MEDIAN, abs=0.001)
 
 
 def test_what_is_no_wall_is_no_noise():
@@ -120,14 +122,14 @@ def test_what_is_no_wall_is_no_noise():
 
 
 def noisy(beams, noise):
-    """End points that have seen ten scans of a noisy laser."""
+    """End points after ten scans of a noisy laser."""
     ends, rng = EndPoints(ScanParams()), np.random.default_rng(0)
     for k in range(10):
         ends.read(scan_at(IDENTITY, laser(beams), noise=noise, rng=rng, t=0.1 * k), IDENTITY)
     return ends
 
 
-def test_beams_far_apart_tell_no_noise():
+def test_beams_far_apart_give_no_noise():
     assert noisy(31, 0.06).noise == ScanParams().range_noise
 
 
@@ -144,16 +146,18 @@ def test_normals_are_those_of_a_total_least_squares_fit():
 
 def test_the_window_of_a_normal_and_what_is_one_surface_grow_with_the_noise():
     ends = EndPoints(ScanParams(normal_window=0.05))
-    for noise, window, slack in ((0.005, 0.05, 0.1), (0.02, 0.12, 0.12)):
+    for noise, window, gap_threshold in ((0.005, 0.05, 0.1), (0.02, 0.12, 0.12)):
         ends._noise.value = noise
-        assert ends.resolution == pytest.approx((noise, window, slack))
+        assert ends.resolution == pytest.approx((noise, window, gap_threshold))
 
 
 def normals_of(points, noise=0.0, step=0.02):
     n = points.shape[1]
     out, moments = np.zeros((3, n)), np.zeros((6, n + 1))
-    scan_moments(points, n, IDENTITY, step, SLACK, moments)
-    scan_normals(points, n, IDENTITY, step, ScanResolution(noise, 0.05, SLACK), moments, out)
+    scan_moments(points, n, IDENTITY, step, GAP_THRESHOLD, moments)
+    scan_normals(
+        points, n, IDENTITY, step, ScanResolution(noise, 0.05, GAP_THRESHOLD), moments, out
+    )
     return out
 
 
@@ -172,7 +176,7 @@ def test_a_normal_is_shared_within_a_part_of_its_window():
     half = 2 + int(0.05 / (step * math.hypot(0.5, 1.0)))
     ends, middle = out[0, 400 - half :], out[0, 200 : 200 + half]
     assert len(np.unique(ends)) == half  # at the end of a wall a window is half a one
-    assert len(np.unique(middle)) <= 2 + half / (1 + half // DENSE)
+    assert len(np.unique(middle)) <= 2 + half / (1 + half // NORMALS_PER_HALF_WINDOW)
     assert np.abs(out[1, half:-half]).max() < 0.05
 
 
@@ -195,7 +199,7 @@ def test_only_a_sweep_that_takes_time_is_freed_of_its_motion(on, seconds):
     ends = EndPoints(ScanParams(deskew=on))
     ends.read(scan_at((0.0, 0.0, 0.0), lidar), Pose2(1.0, 0.0, 0.0))
     back = 0.01 if on and seconds else 0.0
-    assert ends.sweeps == (back > 0.0)
+    assert ends.has_sweep == (back > 0.0)
     assert ends.at_stamp(IDENTITY).x == pytest.approx(-back)
 
 
@@ -208,7 +212,7 @@ def test_ranges_below_the_lasers_own_limit_or_ours_are_not_used():
         assert np.hypot(*ends.points[:2, : ends.n]).min() == pytest.approx(0.6)
 
 
-def test_which_way_a_surface_faces_is_told_by_normals_once_they_are_known():
+def test_rough_normals_are_the_normals_once_these_are_computed():
     reader = EndPoints(ScanParams()).read(scan_at(IDENTITY, laser(361)), IDENTITY)
     by_chord = reader.rough_normals[:2].copy()
     assert reader.rough_normals is not reader.normals
@@ -219,17 +223,17 @@ def test_which_way_a_surface_faces_is_told_by_normals_once_they_are_known():
     assert reader.read(scan_at(IDENTITY, laser(361)), IDENTITY).rough_normals is not reader.normals
 
 
-def test_how_far_scans_are_apart_is_told_by_stamps_that_go_on():
-    def apart(*stamps):
+def test_the_scan_interval_is_that_of_rising_stamps():
+    def interval(*stamps):
         reader = EndPoints(ScanParams())
         for t in stamps:
             reader.read(scan_at(IDENTITY, laser(361), t=t), IDENTITY)
         return reader.scan_interval
 
-    assert apart() == apart(3.0) == apart(3.0, 3.0) == 0.0
-    assert apart(0.0, 0.4, 0.8) == pytest.approx(0.4)
-    assert apart(0.0, 0.4, 0.4, 0.2, 0.6) == pytest.approx(0.4)  # a scan twice, a jump back
-    assert apart(0.0, 0.4, 60.4) == pytest.approx(0.7)  # a gap counts as one second
+    assert interval() == interval(3.0) == interval(3.0, 3.0) == 0.0
+    assert interval(0.0, 0.4, 0.8) == pytest.approx(0.4)
+    assert interval(0.0, 0.4, 0.4, 0.2, 0.6) == pytest.approx(0.4)  # a scan twice, a jump back
+    assert interval(0.0, 0.4, 60.4) == pytest.approx(0.7)  # a gap counts as one second
 
 
 steps = st.sampled_from([-9.0, 0.0, 0.025, 0.1, 3.0])  # s from one measurement to the next
@@ -237,11 +241,11 @@ steps = st.sampled_from([-9.0, 0.0, 0.025, 0.1, 3.0])  # s from one measurement 
 
 @given(st.lists(st.tuples(steps, st.floats(-5.0, 5.0)), max_size=40))
 def test_an_average_is_the_plain_mean_at_first_and_then_forgets_in_seconds(measured):
-    """Of a scan that is looked at twice the first look counts; a rare one counts for 0.1 s."""
+    """A repeated scan counts once; a rare one counts for 0.1 s."""
     average, expected, t, n = MovingAverage(2.0, 7.0), 7.0, 0.0, 0
     for step, value in measured:
         t += step
-        average.learn(value, t)
+        average.add(value, t)
         if step != 0.0 or n == 0:
             n += 1
             weight = max(1.0 - math.exp(-min(max(step, 0.0), 0.1) / 2.0), 1.0 / n)
@@ -250,10 +254,10 @@ def test_an_average_is_the_plain_mean_at_first_and_then_forgets_in_seconds(measu
     assert n > 0 or average.value == 7.0
 
 
-def test_what_was_just_looked_at_is_fresh_unless_the_clock_went_back():
+def test_a_recent_measurement_is_fresh_unless_the_clock_went_back():
     average = MovingAverage(1.0)
     assert not average.is_fresh(3.0)
-    average.learn(1.0, 3.0)
+    average.add(1.0, 3.0)
     assert [average.is_fresh(t) for t in (3.0, 3.05, 3.1, 2.9)] == [True, True, False, False]
 
 
