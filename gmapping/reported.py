@@ -67,7 +67,7 @@ class ReportedMap(Renderer):
         ends, found = points.pieces[:, :2].T, []
         seen, drift = scan_observability(points, pose.theta), DRIFT + self._particles.spread()
         for share in WINDOWS:
-            poses, _ = search(lookup, ends, window_of(pose, share**2 * drift), alike=0.0)
+            poses, _ = search(lookup, ends, window_of(pose, share**2 * drift), tolerance=0.0)
             at = Pose2(*poses[0, :3].tolist())
             x, y = at.x - pose.x, at.y - pose.y
             along = (1.0 - seen.share) * (seen.x * x + seen.y * y)

@@ -90,7 +90,7 @@ class GMapping(HasEstimator):
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
         """Let a scan enter the map at a known pose, without matching; all particles are there."""
-        self._estimator.place(scan, pose)
+        self._estimator.set_pose(scan, pose)
         if not self._others_lag:
             self._share_one_map()  # the first is the reported one then
         self._others_lag = True
@@ -204,7 +204,7 @@ class GMapping(HasEstimator):
             self._counts["collapsed"] += 1
         self._counts["inserted"] += 1
         self._key, self._known = pose, self._estimator.local_covariance
-        self._entered(pose)
+        self._record_inserted(pose)
         self.particles.remember()
         self._map.insert(view.ray, self._way)
 

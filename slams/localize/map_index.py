@@ -14,7 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.frontend.correlative import ALIKE, BEAMS, LikelihoodField, Window, pooled_field, search
+from slams.frontend import correlative
+from slams.frontend.correlative import LikelihoodField, Window, pooled_field, search
 from slams.localize.distance_map import ROBUST_DISTANCES, DistanceMap
 from slams.localize.virtual import NARROW
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, wrap_angle
@@ -171,7 +172,7 @@ class Search:
         self.found: list[Candidate] = []
         self._index, self._scan = index, scan
         points = end_points(scan)
-        self._ends = points[:: max(1, len(points) // BEAMS)]
+        self._ends = points[:: max(1, len(points) // correlative.N_SEARCH_BEAMS)]
         self._tiles = list(index.tiles)  # to be searched
         self._cost = POSES * EVALUATION  # [us] of the last one, about that of the next
         self._likely = np.empty((0, 4))  # poses of the laser, and likelihood less conflicts there
@@ -194,8 +195,11 @@ class Search:
     def _look(self, tile: Pose2) -> None:
         """Search a square, and keep its likely poses in free space."""
         window, distances = Window(tile, TILE, math.pi), self._index.distances
-        enough = self._likely[:, 3].max(initial=ALIKE) - ALIKE
-        poses, lookups = search(self._index.likelihood_field, self._ends.T, window, enough, ALIKE)
+        tolerance = correlative.SEARCH_SCORE_TOLERANCE
+        enough = self._likely[:, 3].max(initial=tolerance) - tolerance
+        poses, lookups = search(
+            self._index.likelihood_field, self._ends.T, window, enough, tolerance
+        )
         good = thinned(poses[(poses[:, 3] > enough) & self._index.has_room(poses)])
         for pose in good:
             pose[3] -= distances.evaluate(self._ends, Pose2(*pose[:3].tolist()))[1]

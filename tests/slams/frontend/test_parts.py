@@ -86,11 +86,11 @@ def test_a_search_finds_the_pose_that_the_wall_shows():
     points = true.inverse().transform(walls).T
     lookup = LikelihoodField(likelihood, 0.0, 0.0, 0.1)
     window = window_of(Pose2(2.5, 1.7, 0.0), np.diag((0.04, 0.04, 0.01)))
-    poses, _ = search(lookup, points, window, alike=0.2)
+    poses, _ = search(lookup, points, window, tolerance=0.2)
     assert (np.diff(poses[:, 3]) <= 0.0).all()
     assert math.hypot(poses[0, 0] - 2.0, poses[0, 1] - 2.0) < 0.11
     assert poses[0, 2] == pytest.approx(0.2, abs=0.05)
-    every, _ = search(lookup, points, window, alike=1.0)
+    every, _ = search(lookup, points, window, tolerance=1.0)
     assert every[0] == pytest.approx(poses[0])
     assert (every[:, 3] >= poses[:, 3]).all()  # what can't come close was given up
     assert every[:, 3].sum() > poses[:, 3].sum() + 1.0
@@ -121,7 +121,7 @@ def test_a_coarse_cell_bounds_all_shifts_within_it(block):
 def test_a_search_stays_in_its_window(half):
     """But for one coarse cell of it: walls beside it are not to crowd out what is inside."""
     lookup = LikelihoodField(np.ones((200, 200), np.float32), -20.0, -20.0, 0.2)
-    poses, _ = search(lookup, np.ones((2, 60)), Window(IDENTITY, half, 0.1), alike=1.0)
+    poses, _ = search(lookup, np.ones((2, 60)), Window(IDENTITY, half, 0.1), tolerance=1.0)
     found = np.abs(poses[:, :2]).max()
     assert 0.9 * half - 0.2 < found < half + max(0.2, 0.8 * half)
 
@@ -151,7 +151,7 @@ def test_where_all_is_alike_a_search_looks_near_the_prior():
 
     starts = []
     best = best_around(Match(Pose2(0.3, 0.0, 0.0)), here(), uniform, SURE, rematch)
-    distances = [round(SURE.distance(start), 9) for start in starts]
+    distances = [round(SURE.mahalanobis_squared(start), 9) for start in starts]
     assert distances == sorted(distances) and distances[0] == 0.0
     assert best.match.pose == starts[0]
 
@@ -347,10 +347,10 @@ def test_after_a_contradiction_what_explains_half_has_to_stand_for_seconds(wheel
     """Wheels keep the robot from being lost meanwhile, as in a crowd."""
     robot = Standing(10, wheels)
     assert robot.take(20, 0.0, 1.0).state == state
-    found = robot.take(50, 0.5, 0.0)  # CONFIRMED of full match_score: 6 s
-    assert found.state == state and not found.maps
+    found = robot.take(50, 0.5, 0.0)  # CONFIRMATION_TIME at the mean score: 6 s
+    assert found.state == state and not found.may_map
     found = robot.take(20, 0.5, 0.0)
-    assert found.state == "matched" and found.maps
+    assert found.state == "matched" and found.may_map
 
 
 @pytest.mark.parametrize(("motion_model", "informed"), [(False, False), (True, True)])

@@ -7,7 +7,7 @@ import pytest
 
 from slams.frontend import update_kernels
 from slams.frontend.degeneracy import FULLY_OBSERVED
-from slams.frontend.estimator import DEAD_RECKONING
+from slams.frontend.estimator import MAX_UNMATCHED_TIME
 from slams.frontend.filter_kernels import DRIFT, N
 from slams.frontend.motion_filter import MotionFilter
 from slams.frontend.params import FrontendParams
@@ -72,7 +72,7 @@ def test_of_a_match_whose_stamp_jitters_the_state_takes_its_share():
     z, P, out = np.zeros(N), np.diag(np.full(N, 1e-4)), np.empty(3)
     match = np.array((0.1, -0.2, 0.05))
     for error, share in ((0.0, 1.0), (1e-4, 0.5), (1e-2, 1.0 / 101.0)):
-        update_kernels.toward_stamp(z, P, match, np.full(3, error), out)
+        update_kernels.pose_at_stamp(z, P, match, np.full(3, error), out)
         assert out == pytest.approx(share * match)
 
 
@@ -121,12 +121,12 @@ def test_a_score_is_what_scan_and_prior_say():
 def test_where_nothing_matches_new_ground_enters_the_map(shares, maps, monkeypatch):
     slam = settled("hector", 5, odometry=IDENTITY)
     monkeypatch.setattr(slam._map, "evaluate", lambda points, pose: shares)
-    slam._estimator._usual = 1.0
+    slam._estimator._mean_score = 1.0
     for k in range(5, 20):
         slam.update(still(k, odometry=IDENTITY))
         seconds = 0.1 * (k - 4)
-        if abs(seconds - DEAD_RECKONING) > 0.05:
-            assert slam._estimator.may_map == (maps and seconds > DEAD_RECKONING)
+        if abs(seconds - MAX_UNMATCHED_TIME) > 0.05:
+            assert slam._estimator.may_map == (maps and seconds > MAX_UNMATCHED_TIME)
 
 
 # where a paper's match starts
