@@ -21,7 +21,7 @@ ROTATION_STEP_CELLS = 3.0  # cells that a rotation step moves the farthest end p
 MAX_ROTATION_STEP = 0.1  # rad, also where all end points are near
 MAX_REFINED_POSES = 40  # coarse poses that are searched at full resolution
 SEARCH_SCORE_TOLERANCE = 0.2  # below the best score; poses within it are worth a match
-WINDOW_DEVIATIONS = 3.0  # of a prior, to each side
+PRIOR_WINDOW_DEVIATIONS = 3.0  # of a prior, to each side
 MAX_HALF_WINDOW = 2.0  # m, to bound the work
 MIN_HALF_ROTATION = 0.2  # rad, since a doubtful prior must not limit the search
 
@@ -51,8 +51,8 @@ class Window(NamedTuple):
 def window_of(middle: Pose2, covariance: Floats) -> Window:
     """Window around a prior with a covariance (3, 3) [m, rad]."""
     std = math.sqrt(max(float(covariance[0, 0]), float(covariance[1, 1]), 0.0))
-    rotation = WINDOW_DEVIATIONS * math.sqrt(max(float(covariance[2, 2]), 0.0))
-    half_width = min(WINDOW_DEVIATIONS * std, MAX_HALF_WINDOW)
+    rotation = PRIOR_WINDOW_DEVIATIONS * math.sqrt(max(float(covariance[2, 2]), 0.0))
+    half_width = min(PRIOR_WINDOW_DEVIATIONS * std, MAX_HALF_WINDOW)
     return Window(middle, half_width, max(rotation, MIN_HALF_ROTATION))
 
 

@@ -27,11 +27,8 @@ POSE, STEP, TWIST, SCALE, BIAS, DRIFT = 0, 3, 6, 9, 11, 12
 GYRO = 3
 # their columns: status, value, variance, variance as used; residual and variance at the last match
 VALID, VALUE, VARIANCE, USED_VARIANCE, LAST_RESIDUAL, LAST_VARIANCE = 0, 1, 2, 3, 4, 5
-N_READING_COLUMNS = 6
 NIS_GATE = 9.0  # squared normalized innovation, three deviations: beyond it one side is wrong
 FAULTY_FACTOR = 100.0  # of a reading's variance, ten deviations: the reading is not used
-VARIANCE_FLOOR = 1e-10  # m^2, rad^2, ...: added to every variance, above the rounding errors
-CHOLESKY_TOLERANCE = 1e-13  # share of a variance that must remain in its pivot
 MAX_POSE_VARIANCE = 1e4  # m^2: the pose may be anywhere
 MAX_NIS = 1e6  # that inflates a covariance
 
@@ -57,7 +54,7 @@ def is_positive_definite(P: Floats) -> bool:
             for j in range(k):
                 total -= L[i, j] * L[k, j]
             if i == k:
-                if not total > CHOLESKY_TOLERANCE * P[i, i]:
+                if not total > 1e-13 * P[i, i]:  # what rounding may leave of a pivot
                     return False
                 L[i, i] = math.sqrt(total)
             else:
@@ -75,7 +72,7 @@ def symmetrize(P: Floats) -> None:
     for i in range(N):
         for k in range(i):
             P[i, k] = P[k, i] = 0.5 * (P[i, k] + P[k, i])
-        P[i, i] = max(P[i, i], 0.0) + VARIANCE_FLOOR
+        P[i, i] = max(P[i, i], 0.0) + 1e-10  # m^2, rad^2, ...: above rounding errors
     for i in range(N):
         for k in range(i):
             limit = math.sqrt(P[i, i] * P[k, k])

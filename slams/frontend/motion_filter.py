@@ -73,7 +73,7 @@ class MotionFilter:
         self._default_density = ACCELERATION_DENSITY.copy()
         self._learned = np.ones((2, 4))  # acceleration densities; variance factors of the readings
         self._learned[0, :3] = ACCELERATION_DENSITY
-        self._readings = np.zeros((4, kernels.N_READING_COLUMNS))
+        self._readings = np.zeros((4, 6))  # see the columns in `filter_kernels`
         self._wheel_steps = WheelSteps()
         self._timing = LaserTimings(params.smooth_stamps)
         self._last_scan: Scan | None = None

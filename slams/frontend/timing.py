@@ -15,7 +15,7 @@ MIN_INTERVAL_RATIO = 0.5  # to the mean interval, as stamps may repeat or go bac
 MAX_STAMP_INTERVAL = 10.0  # s; after a longer interval the motion is unknown anyway
 MIN_LASER_OFFSET = 1e-3  # s between scans of two lasers, which may come at the same moment
 MAX_LASER_PERIOD = 1.0  # s of a rotation; a longer interval is one of selected scans
-GAP_DEVIATIONS = 5.0  # of the intervals; a longer interval is a gap, in which scans are missing
+STAMP_GAP_DEVIATIONS = 5.0  # of the intervals; in a longer interval scans are missing
 
 
 class ScanTiming:
@@ -63,7 +63,7 @@ class ScanTiming:
         share = max(1.0 / self._count, 1.0 / N_AVERAGED_INTERVALS)
         deviation = stamped - self.interval
         std = math.sqrt(self._variance)
-        is_gap = deviation > GAP_DEVIATIONS * std and deviation > self.interval
+        is_gap = deviation > STAMP_GAP_DEVIATIONS * std and deviation > self.interval
         if self._count > 1 and std > 0.0 and is_gap:
             self._latency = 0.0
             return stamped  # a gap is not part of the statistics

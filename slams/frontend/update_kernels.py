@@ -36,7 +36,6 @@ from slams.geometry import STUDENT_DOF, inverse3, mahalanobis_squared, wrap_angl
 from slams.jit import njit
 from slams.types import Floats, Pose2
 
-MIN_INFORMATION = 1e-2  # 1/m^2, 1/rad^2: added, so that a degenerate match can be inverted
 MAX_SCAN_DELAY = 0.5  # s that a recorder may hold a scan back
 MAX_LEARNED_NIS = 10.0  # of a match, so that one outlier changes little of what is learned
 MIN_VARIANCE_REDUCTION = 0.1  # of the twist by a match; below it nothing is learned from the match
@@ -258,7 +257,8 @@ def update(
     factor = (STUDENT_DOF + min(nis, MAX_NIS)) / (STUDENT_DOF + 3.0)
     if factor > 1.0:
         scale_rows(P, POSE, SCALE, math.sqrt(factor))
-    limited = inverse3(inverse3(information + MIN_INFORMATION * np.eye(3)) + np.diag(floor))
+    # 1e-2 /m^2, /rad^2 make the information of a degenerate match invertible
+    limited = inverse3(inverse3(information + 1e-2 * np.eye(3)) + np.diag(floor))
     posterior[:, :] = inverse3(limited + inverse3(P[:3, :3]))
     sandwich(posterior, limited, information)
     information *= MAP_NOISE_SHARE

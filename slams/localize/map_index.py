@@ -95,7 +95,7 @@ class MapIndex:
 
     def __init__(self, grid: OccupancyGrid) -> None:
         self.grid, self.distances = grid, DistanceMap(grid)
-        self._missing = ["tiles", "lookup"]
+        self._missing = ["tiles", "likelihood_field"]
 
     @cached_property
     def tiles(self) -> list[Pose2]:
