@@ -15,7 +15,7 @@ def test_only_a_sweep_that_takes_time_is_read_and_matched_twice(
     name, time_increment, times, monkeypatch
 ):
     slam = settled(name, 3)
-    read, matched = (calls(monkeypatch, *of) for of in ((slam._scan, "take"), (slam, "_match")))
+    read, matched = (calls(monkeypatch, *of) for of in ((slam._scan, "read"), (slam, "_match")))
     slam.update(scan_at((0.0, 0.0, 0.0), laser(181, time_increment=time_increment), t=0.3))
     assert len(read) == len(matched) == times
 

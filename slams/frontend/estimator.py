@@ -32,7 +32,7 @@ LOST_POSITION_STD, LOST_HEADING_STD = 0.5, 0.3  # m, rad; with more the map woul
 CONFIRMATION_TIME = 3.0  # s that matches must persist after the robot was lost, at the mean score
 RELOCALIZED_COVARIANCE = np.diag((0.05**2, 0.05**2, 0.02**2))  # m^2, m^2, rad^2
 MIN_FIRST_POINTS = 10  # end points of the scan that starts a map
-# s without a match, then relocalization starts, and scans enter the map by dead reckoning
+# s without a match, until relocalization starts and scans enter the map by wheels; by laser alone
 MAX_UNMATCHED_TIME, MAX_UNMATCHED_TIME_LASER_ONLY = 1.0, 3.0
 CONFLICT_WEIGHT = 2.0  # beams in new ground that one beam in conflict outweighs
 MAX_NOISE_CONFLICTS = 0.05  # share of the beams; more are people, smoke or the floor

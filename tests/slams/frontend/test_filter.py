@@ -193,8 +193,8 @@ def test_a_scan_that_was_kept_back_costs_the_wheels_no_weight(seconds, costs):
     assert (most > 2.0) == costs  # no recorder keeps a scan back for a second
 
 
-def test_a_map_that_drifts_with_its_matches_says_little_of_the_bias_of_a_gyro():
-    """Matches within 2 mrad of a map that is made of them: its random walk is left after 5 s."""
+def test_a_map_that_drifts_with_its_matches_constrains_the_gyro_bias_little():
+    """Matches within 2 mrad of a map made of them: the random walk of the map is left after 5 s."""
     motion = MotionFilter(FrontendParams())
     for k in range(51):
         motion.predict(scan(0.1 * k, yaw=0.0))
@@ -240,7 +240,7 @@ def test_the_covariance_is_positive_definite_whatever_comes(seed):
             assert is_covariance(motion._P), k
 
 
-def test_a_given_pose_is_known_and_at_rest():
+def test_a_given_pose_is_at_rest():
     motion = MotionFilter(FrontendParams())
     motion.predict(scan(0.0))
     motion.set_pose(Pose2(1.0, 2.0, 0.5), np.diag(MIN_MATCH_STD**2))
@@ -249,7 +249,7 @@ def test_a_given_pose_is_known_and_at_rest():
     assert prior.twist == pytest.approx((0.0, 0.0, 0.0))
 
 
-def test_wheels_that_stall_say_nothing_of_their_scale():
+def test_wheels_that_stall_do_not_change_their_scale():
     z, readings, H = np.zeros(kernels.N), np.zeros((4, 4)), np.empty(kernels.N)
     z[kernels.STEP] = 0.05
     assert kernels.linearize(z, 0.1, 0, readings, H) == pytest.approx(-0.05)

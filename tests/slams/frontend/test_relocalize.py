@@ -1,4 +1,4 @@
-"""A lost robot is searched for in its own map a bit in every scan, and found or stays lost."""
+"""Relocalization: a lost robot is searched in its own map, with bounded work per scan."""
 
 import math
 
