@@ -70,7 +70,7 @@ class Crsm(HasEstimator):
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
         """Insert a scan into the map at a known pose, without matching."""
-        self._estimator.place(scan, pose)
+        self._estimator.set_pose(scan, pose)
         self._insert(self._scan.read(scan, IDENTITY), pose)
 
     def adopt(self, other: Crsm, pose: Pose2) -> None:
@@ -124,4 +124,4 @@ class Crsm(HasEstimator):
         if self.frozen or points.n == 0:
             return
         self._counts["inserted"] += self._map.insert(points, pose)
-        self._entered(pose)
+        self._record_inserted(pose)

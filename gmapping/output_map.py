@@ -71,7 +71,7 @@ class OutputMap(Renderer):
         observed = scan_observability(view, pose.theta)
         drift = REVISIT_DRIFT_COVARIANCE + self._particles.spread()
         for share in REVISIT_WINDOW_SHARES:
-            poses, _ = search(field, ends, window_of(pose, share**2 * drift), alike=0.0)
+            poses, _ = search(field, ends, window_of(pose, share**2 * drift), tolerance=0.0)
             at = Pose2(*poses[0, :3].tolist())
             dx, dy = at.x - pose.x, at.y - pose.y
             along = (1.0 - observed.share) * (observed.x * dx + observed.y * dy)

@@ -94,7 +94,7 @@ class GMapping(HasEstimator):
 
         Only the output particle's map is drawn; the next update copies it to the others.
         """
-        self._estimator.place(scan, pose)
+        self._estimator.set_pose(scan, pose)
         if not self._other_maps_outdated:
             self._share_output_map()  # afterwards the output particle is the first
         self._other_maps_outdated = True
@@ -211,7 +211,7 @@ class GMapping(HasEstimator):
         self._counts["inserted"] += 1
         self._keyframe_pose = pose
         self._keyframe_covariance = self._estimator.local_covariance
-        self._entered(pose)
+        self._record_inserted(pose)
         self.particles.append_to_history()
         self._map.insert(view.ray, self._path_length)
 

@@ -1,4 +1,4 @@
-"""Kernels that several algorithms need and that have one right answer."""
+"""Kernels of plane geometry and of small linear systems that several algorithms share."""
 
 from __future__ import annotations
 
@@ -10,14 +10,11 @@ import numpy as np
 from slams.jit import njit
 from slams.types import Floats, Pose2
 
-STUDENT_DOF = 3.0  # of Student's law, for predictions with rare large errors
+STUDENT_DOF = 3.0  # degrees of freedom of Student's t: a prediction has rare large errors
 
 
 class Prior(NamedTuple):
-    """What is known of a pose before its scan is looked at.
-
-    The expected pose and its information (3, 3) [1/m^2, 1/(m rad), 1/rad^2].
-    """
+    """Expected pose before matching, and its information (3, 3) [1/m^2, 1/(m rad), 1/rad^2]."""
 
     pose: Pose2
     information: Floats
@@ -33,7 +30,7 @@ def wrap_angle(angle: float) -> float:
 def solve3(H: Floats, b: Floats, out: Floats) -> bool:
     """Solve the symmetric H out = b by Cholesky; False if H is not positive definite.
 
-    ours: by hand, compiling `np.linalg.solve` takes seconds. H (3, 3), b and out (3,).
+    H (3, 3), b and out (3,). ours: written out, since numba compiles `np.linalg.solve` in seconds.
     """
     l00 = H[0, 0]
     if not l00 > 0.0:
@@ -60,48 +57,48 @@ def solve3(H: Floats, b: Floats, out: Floats) -> bool:
 
 @njit(inner=True, borrows=True)
 def offset(pose: Pose2, to: Pose2) -> Pose2:
-    """Differences of x, y [m] and theta [rad] from `pose` to `to`. ours: the prior's residual."""
+    """Difference of x, y [m] and theta [rad] from `pose` to `to`. ours: the prior's residual."""
     return Pose2(to.x - pose.x, to.y - pose.y, wrap_angle(to.theta - pose.theta))
 
 
 @njit(inner=True, borrows=True)
-def mahalanobis_squared(information: Floats, off: Pose2) -> float:
-    """Squared distance `off` in units of its covariance, whose inverse is given (3, 3). ours."""
-    distance = 0.0
+def mahalanobis_squared(information: Floats, d: Pose2) -> float:
+    """Squared Mahalanobis distance d^T information d of a difference d. ours."""
+    square = 0.0
     for i in range(3):
-        row = information[i, 0] * off.x + information[i, 1] * off.y + information[i, 2] * off.theta
-        distance += row * (off.x if i == 0 else off.y if i == 1 else off.theta)
-    return distance
+        row = information[i, 0] * d.x + information[i, 1] * d.y + information[i, 2] * d.theta
+        square += row * (d.x if i == 0 else d.y if i == 1 else d.theta)
+    return square
 
 
 @njit(borrows=True)
-def student_cost(distance: float) -> float:
-    """Negative log of Student's law at so large a squared distance. ours."""
-    return 0.5 * (STUDENT_DOF + 3.0) * math.log1p(distance / STUDENT_DOF)
+def student_cost(squared: float) -> float:
+    """Negative log-likelihood of Student's t at a squared Mahalanobis distance. ours."""
+    return 0.5 * (STUDENT_DOF + 3.0) * math.log1p(squared / STUDENT_DOF)
 
 
 @njit(inner=True, borrows=True)
 def add_prior(
-    H: Floats, prior: Floats, variance: float, off: Pose2, out_H: Floats, b: Floats
+    H: Floats, prior: Floats, variance: float, d: Pose2, out_H: Floats, b: Floats
 ) -> None:
-    """Normal equations with what is known beforehand: out_H = H + w prior, b += w prior @ off.
+    """Add a prior to normal equations: out_H = H + w prior, b += w prior @ d.
 
-    ours: a prior with heavy tails (Student's t), so that a prediction that is far off lets go. H,
-    prior, out_H (3, 3); `prior` [1/m^2, 1/(m rad), 1/rad^2]; `variance` [m^2] of the residuals of
-    H; `off` leads from the pose to the prior's mean.
+    H, out_H (3, 3); `prior` (3, 3), its information [1/m^2, 1/(m rad), 1/rad^2]; `variance` [m^2]
+    of the residuals of H; `d`, the difference from the pose to the prior's mean. ours: w is the
+    weight of Student's t, so that a prediction far from the match has little influence.
     """
-    w = variance * (STUDENT_DOF + 3.0) / (STUDENT_DOF + mahalanobis_squared(prior, off))
+    w = variance * (STUDENT_DOF + 3.0) / (STUDENT_DOF + mahalanobis_squared(prior, d))
     for i in range(3):
         for k in range(3):
             out_H[i, k] = H[i, k] + w * prior[i, k]
-        b[i] += w * (prior[i, 0] * off.x + prior[i, 1] * off.y + prior[i, 2] * off.theta)
+        b[i] += w * (prior[i, 0] * d.x + prior[i, 1] * d.y + prior[i, 2] * d.theta)
 
 
 @njit
 def inverse3(A: Floats) -> Floats:
     """Inverse (3, 3) of a symmetric, positive definite matrix.
 
-    ours: by cofactors; a tenth of the time of `np.linalg.inv`.
+    ours: by cofactors, which takes a tenth of the time of `np.linalg.inv`.
     """
     a, b, c, d, e, f = A[0, 0], A[0, 1], A[0, 2], A[1, 1], A[1, 2], A[2, 2]
     aa, bb, cc = d * f - e * e, c * e - b * f, b * e - c * d
@@ -115,8 +112,8 @@ def inverse3(A: Floats) -> Floats:
     return out
 
 
-def travelled(twist: Pose2, seconds: float) -> Pose2:
-    """The step of a base that keeps its twist [m/s, rad/s], in its own frame; may go back."""
-    x, y, turn = (v * seconds for v in twist)
-    c, s = math.cos(0.5 * turn), math.sin(0.5 * turn)
-    return Pose2(c * x - s * y, s * x + c * y, wrap_angle(turn))
+def constant_twist_step(twist: Pose2, seconds: float) -> Pose2:
+    """Motion of the base at a constant twist [m/s, rad/s], in its own frame; seconds may be < 0."""
+    x, y, rotation = (v * seconds for v in twist)
+    c, s = math.cos(0.5 * rotation), math.sin(0.5 * rotation)
+    return Pose2(c * x - s * y, s * x + c * y, wrap_angle(rotation))

@@ -79,7 +79,7 @@ def test_few_scans_a_second_are_enough(name):
 @pytest.mark.parametrize("turn", [0.8, 2.0, 3.0])
 @each
 def test_the_second_scan_is_found_however_far_the_robot_turned_meanwhile(name, turn):
-    """At one scan a second neither motion nor what a match usually explains is known."""
+    """At one scan a second neither the motion nor the mean match score is known."""
     slam, step = made(name), Pose2(0.3, 0.0, turn)
     for k, pose in enumerate((FIRST, FIRST @ step)):
         found = slam.update(noisy(pose, k, t=float(k)))
@@ -149,14 +149,14 @@ def test_a_bare_corridor_is_driven_by_the_wheels(name, n_beams, faster):
 
 
 @pytest.mark.parametrize("label", [*ALGORITHMS, *PAPERS])
-def test_the_map_says_what_fits_and_where_there_are_walls_to_search(label):
+def test_the_map_evaluates_poses_and_has_walls_to_search(label):
     slam = driven(label, drive(n=20, lidar=laser(361)))
     points = slam._view if "gmapping" in label else slam._scan
     pose, lookup = slam._estimator.pose, slam._map.likelihood_field()
     inliers, conflicts = slam._map.evaluate(points, pose)
     assert inliers > 0.6 and conflicts < 0.05
-    aside, against = slam._map.evaluate(points, pose @ Pose2(0.5, 0.4, 0.3))
-    assert aside < inliers - 0.2 and against > conflicts + 0.1
+    inliers_beside, conflicts_beside = slam._map.evaluate(points, pose @ Pose2(0.5, 0.4, 0.3))
+    assert inliers_beside < inliers - 0.2 and conflicts_beside > conflicts + 0.1
     assert slam._map.evaluate(points, Pose2(500.0, 0.0, 0.0)) == (0.0, 0.0)
     ends = pose.transform(points.points[:2, : points.n].T)
     ix, iy = np.floor((ends - (lookup.x0, lookup.y0)).T / lookup.resolution + 0.5).astype(int)
@@ -227,10 +227,10 @@ def offsets(points):
         normal = np.array([-along[1], along[0]])
         axis = int(abs(normal[1]) > abs(normal[0]))
         normal *= np.sign(normal[axis])
-        way, off = (points - (x0, y0)) @ along, (points - (x0, y0)) @ normal
-        near = (way > 0.3) & (way < length - 0.3) & (np.abs(off) < 0.1)
+        distance, offset = (points - (x0, y0)) @ along, (points - (x0, y0)) @ normal
+        near = (distance > 0.3) & (distance < length - 0.3) & (np.abs(offset) < 0.1)
         assert near.sum() > 20
-        found[axis].append(off[near].mean())
+        found[axis].append(offset[near].mean())
     return [float(np.mean(each)) for each in found]
 
 
@@ -253,7 +253,7 @@ FIRST, THERE = Pose2(-3.0, 1.0, 0.0), Pose2(1.5, -2.0, 2.0)
 
 
 @each
-def test_a_robot_that_was_carried_in_the_dark_is_found_again_if_that_is_wanted(name):
+def test_a_robot_that_was_carried_in_the_dark_is_relocalized_if_that_is_wanted(name):
     both = made(name), made(name, relocate=False)
     for k in range(110):
         pose = FIRST @ Pose2(0.05 * k, 0.0, 0.0) if k < 30 else THERE
@@ -267,11 +267,11 @@ def test_a_robot_that_was_carried_in_the_dark_is_found_again_if_that_is_wanted(n
 
 
 @each
-def test_wheels_that_the_map_refutes_do_not_hold_a_lifted_robot(name):
+def test_wheels_in_conflict_with_the_map_do_not_hold_a_lifted_robot(name):
     slam, wheels, step, pose = made(name), IDENTITY, Pose2(0.05, 0.0, 0.02), FIRST
     for k in range(120):
         slam.update(noisy(pose, k, t=0.1 * k, odometry=wheels))
-        wheels = wheels @ step  # does not see that the robot is lifted
+        wheels = wheels @ step  # they do not measure that the robot is lifted
         pose = THERE if k == 40 else pose @ step
     assert slam.report()["relocalized"] == 1
     assert slam.update(noisy(pose, 120, t=12.0)) == pytest.approx(FIRST.between(pose), abs=0.05)

@@ -1,4 +1,4 @@
-"""Odometry that restarts, jumps or stalls, scans of elsewhere: what they may cost."""
+"""Greatest error with odometry that restarts, jumps or stalls, and with scans of another place."""
 
 import dataclasses
 import math
@@ -18,7 +18,7 @@ from tests.rooms import ALGORITHMS, CORRIDOR, box, drive, laser, made, scan_at
 
 ALLOWED = 1.5  # times the error without odometry
 MORE = 0.005  # m, more than that
-SEEDS = (3, 4, 5, 6)  # drives: one alone is a matter of luck
+SEEDS = (3, 4, 5, 6)  # of drives; one alone is chance
 
 
 @cache
@@ -107,30 +107,30 @@ def closet_scan(k, lidar):
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_scans_of_another_place_are_called_lost_and_leave_the_map_alone(algorithm, foreign):
     lidar = laser(181)
-    slam, said = made(algorithm), []
+    slam, states = made(algorithm), []
     for k in range(90):
         t, here = 0.1 * k, (0.005 * min(k, 30), 0.0, 0.0)
-        strange = 30 <= k < 60
-        scan = foreign(k, lidar) if strange else scan_at(here, lidar)
+        foreign_scan = 30 <= k < 60
+        scan = foreign(k, lidar) if foreign_scan else scan_at(here, lidar)
         pose = slam.update(dataclasses.replace(scan, t=t))
-        said.append(slam.state)
+        states.append(slam.state)
         assert 0.0 <= slam.quality <= 1.0
         assert np.linalg.eigvalsh(slam.covariance).min() > 0.0
         if k == 29:
-            entered, sure = slam.map().p.copy(), slam.covariance[0, 0]
+            entered, variance = slam.map().p.copy(), slam.covariance[0, 0]
         if k == 59:
             assert np.array_equal(slam.map().p, entered, equal_nan=True)
-            assert slam.covariance[0, 0] > 100.0 * sure
-    assert set(said[:30]) == {"matched"}
-    assert said[30] == "predicted"
-    assert set(said[42:60]) == {"lost"}  # at the latest a second after the last match
-    assert slam.report()["lost"] == said.count("lost")
-    assert set(said[61:]) == {"matched"}
+            assert slam.covariance[0, 0] > 100.0 * variance
+    assert set(states[:30]) == {"matched"}
+    assert states[30] == "predicted"
+    assert set(states[42:60]) == {"lost"}  # at the latest a second after the last match
+    assert slam.report()["lost"] == states.count("lost")
+    assert set(states[61:]) == {"matched"}
     assert pose == pytest.approx((0.15, 0.0, 0.0), abs=0.01)
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_a_log_that_begins_blind_goes_on_where_the_wheels_say(algorithm):
+def test_a_log_that_begins_blind_goes_on_by_the_wheels(algorithm):
     lidar = laser(181)
     slam, start = made(algorithm), None
     for k in range(40):
@@ -145,7 +145,7 @@ def test_a_log_that_begins_blind_goes_on_where_the_wheels_say(algorithm):
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_a_robot_that_reverses_at_once_in_a_bare_corridor_is_followed(algorithm):
-    """Only the wheels know, and the motion so far contradicts them."""
+    """Only the wheels measure it, and the motion so far contradicts them."""
     slam, at, rng = made(algorithm), Pose2(0.0, 0.0, 0.0), np.random.default_rng(1)
     for k in range(60):
         pose = slam.update(scan_at(at, laser(361), CORRIDOR, 0.01, rng, 0.1 * k, odometry=at))

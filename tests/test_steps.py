@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slams.frontend.estimator import BEGIN_BEAMS
+from slams.frontend.estimator import MIN_FIRST_POINTS
 from slams.types import Pose2, Scan
 from tests.rooms import LIDAR, calls, laser, scan_at, settled
 
@@ -15,7 +15,7 @@ def test_only_a_sweep_that_takes_time_is_read_and_matched_twice(
     name, time_increment, times, monkeypatch
 ):
     slam = settled(name, 3)
-    read, matched = (calls(monkeypatch, *of) for of in ((slam._scan, "take"), (slam, "_match")))
+    read, matched = (calls(monkeypatch, *of) for of in ((slam._scan, "read"), (slam, "_match")))
     slam.update(scan_at((0.0, 0.0, 0.0), laser(181, time_increment=time_increment), t=0.3))
     assert len(read) == len(matched) == times
 
@@ -34,7 +34,9 @@ def test_at_rest_the_map_is_entered_by_the_first_scans_alone(name):
     assert [settled(name, n).report()["inserted"] for n in (first, 20)] == [first, first]
 
 
-@pytest.mark.parametrize(("ends", "begins"), [(BEGIN_BEAMS - 1, False), (BEGIN_BEAMS, True)])
+@pytest.mark.parametrize(
+    ("ends", "begins"), [(MIN_FIRST_POINTS - 1, False), (MIN_FIRST_POINTS, True)]
+)
 def test_a_map_begins_with_a_scan_that_has_enough_end_points(name, ends, begins):
     slam = settled(name, 0)
     ranges = np.full(LIDAR.n_beams, np.inf, np.float32)

@@ -76,7 +76,7 @@ class Tsd(HasEstimator):
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
         """Push a scan at a known pose, without matching."""
-        self._estimator.place(scan, pose)
+        self._estimator.set_pose(scan, pose)
         self._insert(self._scan.read(scan, IDENTITY), pose)
 
     def adopt(self, other: Tsd, pose: Pose2) -> None:
@@ -133,4 +133,4 @@ class Tsd(HasEstimator):
         if self.frozen or points.n == 0:
             return
         self._counts["inserted"] += self._map.insert(points, pose)
-        self._entered(pose)
+        self._record_inserted(pose)

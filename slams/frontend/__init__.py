@@ -1,1 +1,1 @@
-"""Front end: what the algorithms share between a scan and its pose; no algorithm is known here."""
+"""Front end that all algorithms share: prediction, decision, search; it imports no algorithm."""

@@ -1,4 +1,4 @@
-"""HasEstimator: how an algorithm on the front end says how sure it is."""
+"""HasEstimator: state and covariance of an algorithm that uses the front end."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from slams.types import Floats, Pose2, State
 
 
 class HasEstimator:
-    """A `slams.types.Confident` by its estimator."""
+    """Implements `slams.types.Confident` by an estimator."""
 
     _estimator: PoseEstimator | PlainEstimator
     _keyframes: Keyframes
 
     @property
     def state(self) -> State:
-        """How the last pose came about."""
+        """Whether the last pose is matched, predicted or lost."""
         return self._estimator.state
 
     @property
@@ -31,10 +31,10 @@ class HasEstimator:
 
     @property
     def local_covariance(self) -> Floats:
-        """The same against the map around the robot: the drift of the map is not in it."""
+        """Covariance (3, 3) relative to the map around the robot, without the drift of the map."""
         return self._estimator.local_covariance
 
-    def _entered(self, pose: Pose2) -> None:
-        """The last scan has entered the map, at `pose`."""
+    def _record_inserted(self, pose: Pose2) -> None:
+        """Record that the last scan has entered the map at `pose`."""
         self._keyframes.add(pose, self._estimator.quality)
         self._estimator.inserted(self._keyframes.settling)

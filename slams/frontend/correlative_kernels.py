@@ -19,10 +19,10 @@ Cells = NDArray[np.int64]
 
 @njit
 def pool(fine: Grid, block: int, out: Grid) -> None:
-    """The largest likelihood that a point can meet in a block or up to one further on [Olson15].
+    """Maximum of the likelihood over blocks of cells and their next neighbors [Olson15].
 
-    out[j, i] bounds fine[j block + v, i block + u] for u, v from 0 to 2 block - 1: a point anywhere
-    in the block, shifted by less than a block.
+    out[j, i] is the maximum of fine[j block + v, i block + u] over u, v from 0 to 2 block - 1. So
+    it bounds the likelihood at a point anywhere in the block, shifted by less than a block.
     """
     height, width = fine.shape
     for iy in range(height):
@@ -50,10 +50,10 @@ def cells_of(points: Floats, pose: Pose2, corner: Floats, cell: float, out: Cell
 
 
 @njit(inner=True, borrows=True)
-def sum_at(grid: Grid, cells: Cells, jx: int, jy: int, missing: float) -> float:
-    """Sum of the likelihood at cells (2, n) shifted by jx, jy; given up when `missing` is missed.
+def sum_at(grid: Grid, cells: Cells, jx: int, jy: int, max_missing: float) -> float:
+    """Sum of the likelihood at cells (2, n) shifted by jx, jy [Olson15].
 
-    [Olson15]
+    It stops early, with a sum that is too small, once more than `max_missing` of the n is missing.
     """
     height, width = np.uint64(grid.shape[0]), np.uint64(grid.shape[1])
     total = 0.0
@@ -61,7 +61,7 @@ def sum_at(grid: Grid, cells: Cells, jx: int, jy: int, missing: float) -> float:
         u, v = np.uint64(cells[0, i] + jx), np.uint64(cells[1, i] + jy)  # below 0: huge
         if u < width and v < height:
             total += grid[v, u]
-        if i - total > missing:
+        if i - total > max_missing:
             break
     return total
 
@@ -72,46 +72,45 @@ def bounds(
 ) -> None:
     """Bound of the mean likelihood for every rotation and coarse shift of a window [Olson15].
 
-    points (2, n) [m]; window (5,): x, y [m], theta [rad] of its first pose, step of rotations
-    [rad], and the score below which a pose is given up; frame (3,): corner of cell [0, 0], cell
-    [m]; stride: cells of a coarse shift. out (rotations, ny, nx).
+    points (2, n) [m]; window (5,): x, y [m], theta [rad] of its first pose, step between rotations
+    [rad], and the least score of interest; frame (3,): corner of cell [0, 0] and cell [m]; stride:
+    cells of a coarse shift. out (rotations, ny, nx).
     """
     n = points.shape[1]
-    missing = (1.0 - window[4]) * n
+    max_missing = (1.0 - window[4]) * n
     cells = np.empty((2, n), np.int64)
     for k in range(out.shape[0]):
         pose = Pose2(window[0], window[1], window[2] + k * window[3])
         cells_of(points, pose, frame, frame[2], cells)
         for jy in range(out.shape[1]):
             for jx in range(out.shape[2]):
-                out[k, jy, jx] = sum_at(coarse, cells, jx * stride, jy * stride, missing) / n
+                out[k, jy, jx] = sum_at(coarse, cells, jx * stride, jy * stride, max_missing) / n
 
 
 @njit
-def finest(
-    fine: Grid, points: Floats, frame: Floats, block: int, enough: Floats, poses: Floats
+def best_shifts(
+    fine: Grid, points: Floats, frame: Floats, block: int, scores: Floats, poses: Floats
 ) -> None:
     """Best shift within a block for each of several poses, by the mean likelihood [Olson15].
 
-    What can't come close to the best score so far is given up. fine (ny, nx); points (2, n) [m];
-    frame (3,): corner of cell [0, 0], cell [m]; enough (2,): a score that the best must have, and
-    how much below the best a score still counts; poses (k, 4): x, y, theta of the least shift and
-    the bound, the greatest first; the best shift and its score, too low where it was given up, are
-    written there.
+    fine (ny, nx); points (2, n) [m]; frame (3,): corner of cell [0, 0] and cell [m]; scores (2,):
+    least score of the best pose, and the difference to the best score up to which scores are exact.
+    poses (k, 4), sorted by falling bound: x, y, theta of the least shift, and the bound. The best
+    shift and its score replace them; a score below the tolerance may be too small or 0.
     """
     n, cell = points.shape[1], frame[2]
     cells = np.empty((2, n), np.int64)
-    top, alike = enough[0], enough[1]
+    top, tolerance = scores[0], scores[1]
     for k in range(poses.shape[0]):
-        if poses[k, 3] < top - alike:
+        if poses[k, 3] < top - tolerance:
             poses[k, 3] = 0.0
             continue
         pose = Pose2(poses[k, 0], poses[k, 1], poses[k, 2])
         cells_of(points, pose, frame, cell, cells)
-        best, missing = 0.0, (1.0 - top + alike) * n
+        best, max_missing = 0.0, (1.0 - top + tolerance) * n
         for jy in range(block):
             for jx in range(block):
-                total = sum_at(fine, cells, jx, jy, missing)
+                total = sum_at(fine, cells, jx, jy, max_missing)
                 if total > best:
                     best = total
                     poses[k, 0], poses[k, 1] = pose.x + jx * cell, pose.y + jy * cell

@@ -1,4 +1,4 @@
-"""Kernel of degeneracy: which way the surfaces of a scan face."""
+"""Kernel of degeneracy: scatter of the normals of a scan."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from slams.scan.scan_kernels import Points
 
 
 @njit
-def scatter(facing: Points, n: int) -> tuple[float, float, float]:
-    """Integrals of n n^T along the surfaces of a scan [m].
+def scatter(normals: Points, n: int) -> tuple[float, float, float]:
+    """Integrals of n n^T along the surfaces of a scan [m]: xx, xy, yy.
 
-    ours: by length, not by beams: of a leg beside the laser there are as many as of a wall. facing
-    (3, >= n): vectors along the normals, 0 where there is none, and the gap to the neighbors [m].
+    normals (3, >= n): vectors along the normals, 0 where none is known, and the gap to the
+    neighbors [m]. ours: weighted by length, since a near leg has as many beams as a wall.
     """
     xx = xy = yy = 0.0
     for i in range(n):
-        x, y = facing[0, i], facing[1, i]
+        x, y = normals[0, i], normals[1, i]
         square = x * x + y * y
         if square > 0.0:
-            w = facing[2, i] / square
+            w = normals[2, i] / square
             xx += w * x * x
             xy += w * x * y
             yy += w * y * y

@@ -7,19 +7,19 @@ import math
 from slams.params import MAX_LASERS
 from slams.types import IDENTITY, Pose2
 
-NOTHING = 0, IDENTITY, 0.0  # keyframes, pose and quality of the last
-LESS = 0.85  # of the last keyframe's quality: the map lacks what is in view now
+NO_KEYFRAME = 0, IDENTITY, 0.0  # number of keyframes, pose and quality of the last
+MIN_QUALITY_RATIO = 0.85  # to the last keyframe; below it the map lacks much of what is in view
 
 
 class Keyframes:
-    """Trigger by distance, rotation and quality since the last scan that entered the map.
+    """Keyframe trigger by distance, rotation and quality since the last keyframe.
 
     Args:
         distance: [m].
         rotation: [rad].
-        first: so many scans at the start are all keyframes: the noise of the first would stay.
+        first: number of scans at the start that are all keyframes, to average their noise.
 
-    Of several lasers, distinguished by their mounts, each has keyframes of its own.
+    Each of several lasers, distinguished by their mounts, has keyframes of its own.
     """
 
     def __init__(self, distance: float, rotation: float, first: int) -> None:
@@ -30,26 +30,26 @@ class Keyframes:
 
     @property
     def settling(self) -> bool:
-        """Whether the map is still of the first scans."""
+        """Whether the map consists of the first scans only."""
         return self.count <= self._first
 
     def due(self, pose: Pose2, quality: float, mount: Pose2) -> bool:
-        """Whether a scan at `pose`, of which the share `quality` fits the map, is a keyframe.
+        """Whether a scan at `pose` is a keyframe.
 
-        `mount` is that of its laser.
+        `quality` is the share of its beams that fit the map, `mount` that of its laser.
         """
         self._mount = mount
-        count, last, usual = self._last.get(mount, NOTHING)
-        if count < self._first or quality < LESS * usual:
+        count, last, last_quality = self._last.get(mount, NO_KEYFRAME)
+        if count < self._first or quality < MIN_QUALITY_RATIO * last_quality:
             return True
         step = last.between(pose)
         far = math.hypot(step.x, step.y) > self._distance
         return far or abs(step.theta) > self._rotation
 
     def add(self, pose: Pose2, quality: float) -> None:
-        """A scan at `pose` has entered the map."""
+        """Record that the scan at `pose` has entered the map."""
         self.count += 1
         if len(self._last) == MAX_LASERS and self._mount not in self._last:
             self._last.clear()
-        count, _, _ = self._last.get(self._mount, NOTHING)
+        count, _, _ = self._last.get(self._mount, NO_KEYFRAME)
         self._last[self._mount] = count + 1, pose, quality

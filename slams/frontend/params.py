@@ -1,4 +1,4 @@
-"""Parameters of the front end: sources of motion, their noise, and one switch a mechanism."""
+"""Parameters of the front end: sources of motion, their noise, one switch per mechanism."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ SKID = "ours: tracked and skid-steer robots on public logs"
 
 @dataclass(frozen=True)
 class FrontendParams(Params):
-    """What the pose estimator knows of a robot; the same for every algorithm and log."""
+    """Parameters of the pose estimator, the same for every algorithm and log."""
 
     estimator: str = param(
         "filter",
         "1",
-        "filter: all of the front end; plain: the prediction starts the match, the match is taken",
+        "filter: the whole front end; plain: the prediction starts the match, it is accepted",
         source="ours: plain is the paper's mechanism alone",
         choices=("filter", "plain"),
     )
@@ -25,21 +25,21 @@ class FrontendParams(Params):
     smooth_stamps: bool = param(
         True,
         "1",
-        "filter the stamps of scans where they jitter",
+        "filter the stamps of scans if they jitter",
         source="ours: recorders stamp late by half an interval",
         switch=True,
     )
     learn_acceleration: bool = param(
         True,
         "1",
-        "learn how strongly the robot accelerates from the matches",
-        source="ours: [SageHusa69]; carried lasers and slow robots differ a hundredfold",
+        "learn the acceleration of the robot from the matches",
+        source="ours: [SageHusa69]; handheld lasers and slow robots differ a hundredfold",
         switch=True,
     )
     learn_odometry: bool = param(
         True,
         "1",
-        "learn how good wheels and gyro are from the matches",
+        "learn the noise of wheels and gyro from the matches",
         source="ours: wheels slip and stall",
         switch=True,
     )
@@ -53,18 +53,18 @@ class FrontendParams(Params):
     search: bool = param(
         True,
         "1",
-        "correlative search in the prior's window where the map explains less than usual",
+        "correlative search in the window of the prior if a match scores below the mean",
         source="ours: [Olson15]",
         switch=True,
     )
     relocate: bool = param(
-        True, "1", "look for a lost robot in all of its own map", source="ours: user", switch=True
+        True, "1", "relocalize a lost robot in its own map", source="ours: user", switch=True
     )
     slip: float = param(
         0.02, "m", "deviation of the wheels' distance after one meter", source=SKID, low=0.0
     )
     slip_sideways: float = param(
-        0.01, "m", "the same sideways, and heading [rad] after one meter", source=SKID, low=0.0
+        0.01, "m", "lateral and heading [rad] deviation after one meter", source=SKID, low=0.0
     )
     slip_rotation: float = param(
         0.04, "rad", "deviation of the wheels' rotation after one radian", source=SKID, low=0.0

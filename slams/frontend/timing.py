@@ -1,4 +1,7 @@
-"""Time between scans, where recorders stamp scans when they get round to it."""
+"""Time between scans whose stamps jitter.
+
+[Muth60] J. Muth: Optimal Properties of Exponentially Weighted Forecasts. JASA 55, 1960.
+"""
 
 from __future__ import annotations
 
@@ -7,21 +10,20 @@ import math
 from slams.params import MAX_LASERS
 from slams.types import Pose2
 
-MEMORY = 30.0  # intervals over which the statistics of the stamps are a mean
-SHORTEST = 0.5  # of the usual interval: no interval is shorter, stamps may repeat or go back
-LONGEST = 10.0  # s; after a longer interval nothing more is unknown
-SHORTEST_STEP = 1e-3  # s: two lasers may scan at the same moment
-SLOWEST = 1.0  # s: no laser takes longer for a turn; these scans were chosen, as keyframes are
-GAP = 5.0  # deviations of the intervals beyond which scans are missing
+N_AVERAGED_INTERVALS = 30.0  # scans in the statistics of the stamps
+MIN_INTERVAL_RATIO = 0.5  # to the mean interval, as stamps may repeat or go back
+MAX_STAMP_INTERVAL = 10.0  # s; after a longer interval the motion is unknown anyway
+MIN_LASER_OFFSET = 1e-3  # s between scans of two lasers, which may come at the same moment
+MAX_LASER_PERIOD = 1.0  # s of a rotation; a longer interval is one of selected scans
+STAMP_GAP_DEVIATIONS = 5.0  # of the intervals; in a longer interval scans are missing
 
 
 class ScanTiming:
-    """Interval since the scan before [s], from stamps that may be late by chance.
+    """Interval since the last scan [s], from stamps with jitter.
 
-    A laser that turns steadily and a recorder that stamps late make intervals that compensate each
-    other: their covariance from one to the next is minus the variance of the jitter (an MA(1)
-    process [Muth60]). The time of a scan is then a level that is filtered with the gain of that
-    model; scans that are missing make intervals that do not compensate, and stamps are believed.
+    A laser rotates steadily, and its scans are stamped late by chance. The covariance of successive
+    intervals is minus the variance of this jitter, and the optimal filter of the time has a
+    constant gain [Muth60]. Missing scans do not compensate each other, so their stamps are kept.
     """
 
     def __init__(self, smooth: bool = True) -> None:
@@ -29,65 +31,66 @@ class ScanTiming:
         self._smooth = smooth
         self._count = 0
         self._last = math.nan  # stamp
-        self._late = 0.0  # s, the last stamp less the filtered time
-        self._before = 0.0  # s, deviation of the interval before
-        self._variance = self._covariance = 0.0
+        self._latency = 0.0  # s, of the last stamp after the filtered time
+        self._last_deviation = 0.0  # s, of the last interval from the mean
+        self._variance = self._covariance = 0.0  # s^2, of intervals, of successive intervals
 
     @property
     def time(self) -> float:
         """Filtered time of the last scan [s]."""
-        return self._last - self._late
+        return self._last - self._latency
 
     @property
     def jitter(self) -> float:
-        """Deviation of the stamps [s]."""
-        return math.sqrt(self._jitter) if self._smooth else 0.0
+        """Standard deviation of the stamps [s]."""
+        return math.sqrt(self._jitter_variance) if self._smooth else 0.0
 
     @property
-    def _jitter(self) -> float:
-        """Variance of the stamps [s^2]; keyframes come as the robot drives."""
-        if self.interval > SLOWEST:
-            return 0.0
+    def _jitter_variance(self) -> float:
+        """Variance of the stamps [s^2]."""
+        if self.interval > MAX_LASER_PERIOD:
+            return 0.0  # keyframes come by the motion of the robot
         return min(max(-self._covariance, 0.0), 0.5 * self._variance)
 
     def elapsed(self, t: float) -> float:
-        """Seconds since the scan before, for a scan stamped `t`; 0 for the first."""
+        """Seconds since the last scan, for a scan stamped `t`; 0 for the first."""
         stamped = t - self._last
         self._last = t
         if math.isnan(stamped):
             return 0.0
-        stamped = min(max(stamped, -LONGEST), LONGEST)
+        stamped = min(max(stamped, -MAX_STAMP_INTERVAL), MAX_STAMP_INTERVAL)
         self._count += 1
-        share = max(1.0 / self._count, 1.0 / MEMORY)
-        off = stamped - self.interval
-        deviation = math.sqrt(self._variance)
-        if self._count > 1 and deviation > 0.0 and off > GAP * deviation and off > self.interval:
-            self._late = 0.0  # a gap; it is not part of the statistics
-            return stamped
-        self._variance += share * (off * off - self._variance)
-        self._covariance += share * (off * self._before - self._covariance)
-        self._before = off
-        self.interval = max(self.interval + share * off, 0.0)
-        return max(self._filtered(stamped), SHORTEST * self.interval)
+        share = max(1.0 / self._count, 1.0 / N_AVERAGED_INTERVALS)
+        deviation = stamped - self.interval
+        std = math.sqrt(self._variance)
+        is_gap = deviation > STAMP_GAP_DEVIATIONS * std and deviation > self.interval
+        if self._count > 1 and std > 0.0 and is_gap:
+            self._latency = 0.0
+            return stamped  # a gap is not part of the statistics
+        self._variance += share * (deviation * deviation - self._variance)
+        self._covariance += share * (deviation * self._last_deviation - self._covariance)
+        self._last_deviation = deviation
+        self.interval = max(self.interval + share * deviation, 0.0)
+        return max(self._filtered(stamped), MIN_INTERVAL_RATIO * self.interval)
 
     def _filtered(self, stamped: float) -> float:
         """The interval between the filtered times."""
-        jitter = self._jitter
+        jitter = self._jitter_variance
         if not self._smooth or jitter <= 0.0:
-            self._late = 0.0
+            self._latency = 0.0
             return stamped
-        noise = max(self._variance - 2.0 * jitter, 0.0) / jitter  # of the true interval, in jitter
-        gain = 0.5 * (math.sqrt(noise * noise + 4.0 * noise) - noise)  # steady state [Muth60]
-        gain = max(gain, 1.0 / MEMORY)
-        ahead = self._late + stamped - self.interval  # of the stamp before the predicted time
-        self._late = (1.0 - gain) * ahead
-        return self.interval + gain * ahead
+        ratio = max(self._variance - 2.0 * jitter, 0.0) / jitter  # of process to measurement noise
+        gain = 0.5 * (math.sqrt(ratio * ratio + 4.0 * ratio) - ratio)
+        gain = max(gain, 1.0 / N_AVERAGED_INTERVALS)
+        innovation = self._latency + stamped - self.interval
+        self._latency = (1.0 - gain) * innovation
+        return self.interval + gain * innovation
 
 
 class LaserTimings:
-    """`ScanTiming` of several lasers, distinguished by mount, whose scans come in turns.
+    """`ScanTiming` of each of several lasers, distinguished by their mounts.
 
-    Each turns steadily by itself; together they do not.
+    Each laser scans at steady intervals; the intervals between two lasers are not steady.
     """
 
     def __init__(self, smooth: bool = True) -> None:
@@ -97,11 +100,11 @@ class LaserTimings:
 
     @property
     def jitter(self) -> float:
-        """Deviation of the stamps of the last scan's laser [s]."""
+        """Standard deviation of the stamps of the last scan's laser [s]."""
         return self._last.jitter if self._last else 0.0
 
     def elapsed(self, t: float, mount: Pose2) -> float:
-        """Seconds since the scan before, of any laser, for a scan stamped `t`; 0 for the first."""
+        """Seconds since the last scan of any laser, for a scan stamped `t`; 0 for the first."""
         before, self._last = self._last, self._timings.get(mount)
         if self._last is None:
             if len(self._timings) == MAX_LASERS:
@@ -111,4 +114,4 @@ class LaserTimings:
         elapsed = self._last.elapsed(t)
         if before is None or before is self._last:
             return elapsed
-        return min(max(self._last.time - time, SHORTEST_STEP), LONGEST)
+        return min(max(self._last.time - time, MIN_LASER_OFFSET), MAX_STAMP_INTERVAL)

@@ -1,8 +1,11 @@
-"""Kernels of the motion filter: condition the state on a match, and learn from it.
+"""Kernels of the motion filter: condition the state on a match, and learn the noise from it.
 
-State and covariance as in `filter_kernels`, which has the papers, too.
+State, covariance and [Roth13] as in `filter_kernels`.
 
 [Mohamed99] A. Mohamed, K. Schwarz: Adaptive Kalman filtering for INS/GPS. J. Geodesy 73, 1999.
+[SageHusa69] A. Sage, G. Husa: Adaptive filtering with unknown prior statistics. JACC 1969.
+[Zhang16] J. Zhang, M. Kaess, S. Singh: On Degeneracy of Optimization-based State Estimation
+Problems. ICRA 2016.
 """
 
 from __future__ import annotations
@@ -15,10 +18,10 @@ from slams.frontend.filter_kernels import (
     BIAS,
     DRIFT,
     GYRO,
-    ITS_VARIANCE,
-    LARGEST,
+    LAST_RESIDUAL,
+    LAST_VARIANCE,
+    MAX_NIS,
     POSE,
-    RESIDUAL,
     SCALE,
     STEP,
     TWIST,
@@ -33,23 +36,22 @@ from slams.geometry import STUDENT_DOF, inverse3, mahalanobis_squared, wrap_angl
 from slams.jit import njit
 from slams.types import Floats, Pose2
 
-WEAKEST = 1e-2  # 1/m^2, 1/rad^2: information added where a match has none
-LATENCY = 0.5  # s that a recorder keeps a scan back
-SHARPEST = 10.0  # NIS of one match that counts at most, in what is learned
-SLOWEST = 0.1  # least share of a twist's variance that a match has to remove, to be learned from
-TAKEN_IN = 0.5  # share of a match's noise that enters the map; earlier scans average the rest
-SPREAD = 20.0  # times the usual acceleration density, at most and at least
+MAX_SCAN_DELAY = 0.5  # s that a recorder may hold a scan back
+MAX_LEARNED_NIS = 10.0  # of a match, so that one outlier changes little of what is learned
+MIN_VARIANCE_REDUCTION = 0.1  # of the twist by a match; below it nothing is learned from the match
+MAP_NOISE_SHARE = 0.5  # of a match's covariance that stays in the map; earlier scans average it
+MAX_DENSITY_RATIO = 20.0  # of the learned acceleration density to the default, up and down
 
 
 @njit(inner=True, borrows=True)
 def offset_from(z: Floats, pose: Floats, out: Floats) -> None:
-    """Difference of a pose (3,) from the state's. ours."""
+    """Difference (3,) of a pose (3,) from the state's pose. ours."""
     out[0], out[1] = pose[0] - z[0], pose[1] - z[1]
     out[2] = wrap_angle(pose[2] - z[2])
 
 
 @njit(inner=True, borrows=True)
-def both_sides(A: Floats, B: Floats, out: Floats) -> None:
+def sandwich(A: Floats, B: Floats, out: Floats) -> None:
     """The product A B A of a symmetric A (3, 3) with B (3, 3). ours."""
     for i in range(3):
         for k in range(3):
@@ -62,14 +64,14 @@ def both_sides(A: Floats, B: Floats, out: Floats) -> None:
 
 @njit(inner=True)
 def condition(z: Floats, P: Floats, pose: Floats, covariance: Floats) -> None:
-    """The pose is now `pose` with `covariance`; all other states follow by regression on it.
+    """Replace the distribution of the pose by `pose` with `covariance`; regress all other states.
 
-    ours: z += G off, P <- P - G P_pp G^T + G C G^T with G = P[:, :3] P_pp^-1, for any filter whose
-    posterior of the pose has a mean and a covariance (a particle cloud's as well).
+    ours: z += G d, P <- P - G P_pp G^T + G C G^T with G = P[:, :3] P_pp^-1 and the difference d. It
+    fits any posterior of the pose that has a mean and a covariance, also a particle cloud.
     """
     inverse = inverse3(P[:3, :3])
-    G, off, change = np.empty((N, 3)), np.empty(3), np.empty((3, 3))
-    offset_from(z, pose, off)
+    G, d, change = np.empty((N, 3)), np.empty(3), np.empty((3, 3))
+    offset_from(z, pose, d)
     for i in range(N):
         for k in range(3):
             G[i, k] = P[i, 0] * inverse[0, k] + P[i, 1] * inverse[1, k] + P[i, 2] * inverse[2, k]
@@ -77,7 +79,7 @@ def condition(z: Floats, P: Floats, pose: Floats, covariance: Floats) -> None:
         for k in range(3):
             change[i, k] = covariance[i, k] - P[i, k]
     for i in range(3, N):
-        z[i] += G[i, 0] * off[0] + G[i, 1] * off[1] + G[i, 2] * off[2]
+        z[i] += G[i, 0] * d[0] + G[i, 1] * d[1] + G[i, 2] * d[2]
         for k in range(3, N):
             total = 0.0
             for j in range(3):
@@ -96,11 +98,11 @@ def condition(z: Floats, P: Floats, pose: Floats, covariance: Floats) -> None:
 
 @njit(inner=True)
 def decouple(z: Floats, P: Floats, direction: Floats, share: float) -> None:
-    """Block-diagonal covariance: what is seen of other directions says nothing about this one.
+    """Remove the correlation of the state along a degenerate direction with the state across it.
 
-    ours: remapping the pose alone leaks, as the errors of pose, step, twist and wheels along an
-    unobservable `direction` (2,) in the map hang together with those across. P <- share P + (1 -
-    share) (A P A + B P B), A the projection on it (and on the wheels' scale), B = 1 - A.
+    ours: remapping the pose alone is not enough, since pose, step, twist and wheel scale along the
+    `direction` (2,) in the map are correlated with those across. P <- share P + (1 - share)
+    (A P A + B P B), A the projection on the direction and the wheel scale, B = 1 - A.
     """
     A = np.zeros((N, N))
     c, s = math.cos(z[2]), math.sin(z[2])
@@ -135,74 +137,71 @@ def remap(
     z: Floats,
     P: Floats,
     pose: Floats,
-    seen: Floats,
+    information: Floats,
     direction: Floats,
     share: float,
     prior: Floats,
 ) -> None:
-    """Take out of a match what noise says along an unobservable direction, in place.
+    """Solution remapping [Zhang16]: remove the noise of a match along a degenerate direction.
 
-    Solution remapping [Zhang16]: where the scan alone has the pose follows from the fused `pose`
-    (3,) and the prior's weight, of P and the variances `prior` (3,); it is fused again with the
-    information `seen` (3, 3) of which only `share` is left along `direction` (2,).
+    ours: the fused `pose` (3,) and the weight of the prior, P plus the variances `prior` (3,), give
+    the scan-only estimate x. It is fused again with the `information` (3, 3) of the scan, of which
+    only `share` remains along `direction` (2,). `pose` and `information` change in place.
     """
-    C, off = P[:3, :3] + np.diag(prior), np.empty(3)
+    C, d = P[:3, :3] + np.diag(prior), np.empty(3)
     W = inverse3(C)
-    offset_from(z, pose, off)
-    w = (STUDENT_DOF + 3.0) / (STUDENT_DOF + mahalanobis_squared(W, Pose2(off[0], off[1], off[2])))
-    pull, alone, weighted = np.zeros(3), np.empty(3), np.empty((3, 3))
+    offset_from(z, pose, d)
+    w = (STUDENT_DOF + 3.0) / (STUDENT_DOF + mahalanobis_squared(W, Pose2(d[0], d[1], d[2])))
+    pull, x, weighted = np.zeros(3), np.empty(3), np.empty((3, 3))
     for i in range(3):
         for k in range(3):
-            pull[i] += w * W[i, k] * off[k]
-    inverse = inverse3(seen + W)  # of `seen` alone what it does not observe would be amplified
+            pull[i] += w * W[i, k] * d[k]
+    inverse = inverse3(information + W)  # the scan's alone would amplify unobserved directions
     for i in range(3):
-        alone[i] = (
-            off[i] + inverse[i, 0] * pull[0] + inverse[i, 1] * pull[1] + inverse[i, 2] * pull[2]
-        )
+        x[i] = d[i] + inverse[i, 0] * pull[0] + inverse[i, 1] * pull[1] + inverse[i, 2] * pull[2]
     D = np.eye(3)
     for i in range(2):
         for k in range(2):
             D[i, k] += (math.sqrt(share) - 1.0) * direction[i] * direction[k]
-    both_sides(D, seen, weighted)
-    both = inverse3(weighted + w * W)
+    sandwich(D, information, weighted)
+    S = inverse3(weighted + w * W)
     for i in range(3):
         for k in range(3):
-            seen[i, k] = weighted[i, k]
-        pull[i] = weighted[i, 0] * alone[0] + weighted[i, 1] * alone[1] + weighted[i, 2] * alone[2]
+            information[i, k] = weighted[i, k]
+        pull[i] = weighted[i, 0] * x[0] + weighted[i, 1] * x[1] + weighted[i, 2] * x[2]
     for i in range(3):
-        moved = both[i, 0] * pull[0] + both[i, 1] * pull[1] + both[i, 2] * pull[2]
+        moved = S[i, 0] * pull[0] + S[i, 1] * pull[1] + S[i, 2] * pull[2]
         pose[i] = z[i] + moved
     pose[2] = wrap_angle(pose[2])
 
 
 @njit(inner=True, borrows=True)
 def learn_density(
-    change: Floats, variance: Floats, P: Floats, share: float, usual: Floats, density: Floats
+    change: Floats, variance: Floats, P: Floats, share: float, default: Floats, density: Floats
 ) -> None:
-    """Acceleration density (3,) by the changes (3,) of the twist that matches make.
+    """Learn the acceleration density (3,) from the change (3,) of the twist by a match, in place.
 
-    [SageHusa69], in logarithms: squared change over the variance that the match removed, of a mean
-    of 1. `variance` (3,) of the twist before the match; at most `SPREAD` times the `usual` (3,).
+    [SageHusa69], in logarithms: the mean of the squared change over the variance that the match
+    removed is 1. `variance` (3,) of the twist before; `share`: learning rate; `default` density.
     """
     for i in range(3):
         removed = variance[i] - P[TWIST + i, TWIST + i]
-        if removed < SLOWEST * variance[i] or removed <= 0.0:
+        if removed < MIN_VARIANCE_REDUCTION * variance[i] or removed <= 0.0:
             continue
-        surprise = min(change[i] * change[i] / removed - 1.0, SHARPEST)
-        found = density[i] * math.exp(share * surprise)
-        density[i] = min(max(found, usual[i] / SPREAD), usual[i] * SPREAD)
+        excess = min(change[i] * change[i] / removed - 1.0, MAX_LEARNED_NIS)
+        learned = max(density[i] * math.exp(share * excess), default[i] / MAX_DENSITY_RATIO)
+        density[i] = min(learned, default[i] * MAX_DENSITY_RATIO)
 
 
 @njit(inner=True, borrows=True)
-def judge_readings(
-    z: Floats, step: Floats, dt: float, share: float, floor: Floats, readings: Floats, trust: Floats
+def learn_factors(
+    z: Floats, step: Floats, dt: float, share: float, floor: Floats, readings: Floats, out: Floats
 ) -> None:
-    """Factors (4,) of the readings' variances, by the step (3,) between the matched poses.
+    """Learn the variance factors (4,) of the readings from the step (3,) between matched poses.
 
-    ours: innovation-based adaptive estimation [Mohamed99]: the mean squared residual over its
-    variance, never below 1, as wheels that are exact on one floor are not on the next. Of the last
-    step, the one before and both together the best counts where scans come that fast: one that a
-    recorder kept back makes two steps wrong, but not their sum.
+    [Mohamed99]: the mean of the squared residual over its variance. ours: never below 1, as wheels
+    may slip on the next floor. A scan that was held back makes two steps wrong, but not their sum:
+    if scans come fast, the least ratio of the last step, the step before and the sum counts.
     """
     for i in range(4):
         if readings[i, VALID] == 0.0:
@@ -215,14 +214,14 @@ def judge_readings(
             scale = z[SCALE + (1 if i == 2 else 0)]
             expected, error = (1.0 + scale) * step[i], floor[i]
             expected += z[DRIFT] * step[0] if i == 2 else 0.0
-        off, variance = readings[i, VALUE] - expected, readings[i, VARIANCE] + 2.0 * error
-        before, of_before = readings[i, RESIDUAL], readings[i, ITS_VARIANCE]
-        readings[i, RESIDUAL], readings[i, ITS_VARIANCE] = off, variance
-        ratio = off * off / variance
-        if of_before > 0.0 and dt < LATENCY:
-            both = (off + before) * (off + before) / (variance + of_before)
-            ratio = min(ratio, before * before / of_before, both)
-        trust[i] += share * (min(max(ratio, 1.0), 1e4) - trust[i])
+        residual, variance = readings[i, VALUE] - expected, readings[i, VARIANCE] + 2.0 * error
+        last, last_variance = readings[i, LAST_RESIDUAL], readings[i, LAST_VARIANCE]
+        readings[i, LAST_RESIDUAL], readings[i, LAST_VARIANCE] = residual, variance
+        ratio = residual * residual / variance
+        if last_variance > 0.0 and dt < MAX_SCAN_DELAY:
+            both = (residual + last) * (residual + last) / (variance + last_variance)
+            ratio = min(ratio, last * last / last_variance, both)
+        out[i] += share * (min(max(ratio, 1.0), 1e4) - out[i])
 
 
 @njit
@@ -231,64 +230,66 @@ def update(
     P: Floats,
     match: Floats,
     how: Floats,
-    before: Floats,
+    last_pose: Floats,
     learned: Floats,
-    usual: Floats,
+    default: Floats,
     readings: Floats,
 ) -> None:
-    """Condition the state on a match: limit its information, fuse, regress, learn. ours.
+    """Condition the state on a match: remap, fuse, regress, learn, in place.
 
-    match (4, 3): pose, remapped in place; information of the scan about it, in whose place the part
-    of the match's noise K R K^T is left that enters the map. how (4, 3): unobservable direction and
-    the share observed along it; dt, shares to learn accelerations and readings by; variances of the
-    match that no scan removes; those beside P in its prior. before (3,): the last scan's pose.
+    match (4, 3): pose, which is remapped; information of the scan about it, which is replaced by
+    the covariance K R K^T that the match adds to the map. how (4, 3), row by row: degenerate
+    direction and share observed along it; dt, learning rates of accelerations and of readings;
+    noise floor of a match; variances of its prior beside P. last_pose (3,) of the last scan.
+    ours: [Roth13], a match with a large NIS inflates the covariance of the prior.
     """
-    pose, seen, direction, share = match[0], match[1:], how[0, :2], how[0, 2]
-    dt, floor, beside = how[1, 0], how[2], how[3]
+    pose, information, direction, share = match[0], match[1:], how[0, :2], how[0, 2]
+    dt, floor, prior = how[1, 0], how[2], how[3]
     if share < 1.0:
         decouple(z, P, direction, share)
-        remap(z, P, pose, seen, direction, share, beside)
-    off, step, change, state = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    variance, covariance = np.empty(3), np.empty((3, 3))
+        remap(z, P, pose, information, direction, share, prior)
+    d, step, change, state = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    variance, posterior = np.empty(3), np.empty((3, 3))
     for i in range(3):
         change[i], variance[i] = z[TWIST + i], P[TWIST + i, TWIST + i]
-    offset_from(z, pose, off)
-    nis = mahalanobis_squared(inverse3(P[:3, :3] + np.diag(beside)), Pose2(off[0], off[1], off[2]))
-    widen = (STUDENT_DOF + min(nis, LARGEST)) / (STUDENT_DOF + 3.0)
-    if widen > 1.0:  # [Roth13]: a match that surprises says that the prior was too sure
-        scale_rows(P, POSE, SCALE, math.sqrt(widen))
-    information = inverse3(inverse3(seen + WEAKEST * np.eye(3)) + np.diag(floor))
-    covariance[:, :] = inverse3(information + inverse3(P[:3, :3]))
-    both_sides(covariance, information, seen)
-    seen *= TAKEN_IN
-    toward_stamp(z, P, pose, floor, state)
-    condition(z, P, state, covariance)
+    offset_from(z, pose, d)
+    nis = mahalanobis_squared(inverse3(P[:3, :3] + np.diag(prior)), Pose2(d[0], d[1], d[2]))
+    factor = (STUDENT_DOF + min(nis, MAX_NIS)) / (STUDENT_DOF + 3.0)
+    if factor > 1.0:
+        scale_rows(P, POSE, SCALE, math.sqrt(factor))
+    # 1e-2 /m^2, /rad^2 make the information of a degenerate match invertible
+    limited = inverse3(inverse3(information + 1e-2 * np.eye(3)) + np.diag(floor))
+    posterior[:, :] = inverse3(limited + inverse3(P[:3, :3]))
+    sandwich(posterior, limited, information)
+    information *= MAP_NOISE_SHARE
+    pose_at_stamp(z, P, pose, floor, state)
+    condition(z, P, state, posterior)
     for i in range(3):
         change[i] = z[TWIST + i] - change[i]
-    learn_density(change, variance, P, how[1, 1], usual, learned[0])
-    between_halfway(before, z[:3], step)
-    judge_readings(z, step, dt, how[1, 2], floor, readings, learned[1])
+    learn_density(change, variance, P, how[1, 1], default, learned[0])
+    midpoint_step(last_pose, z[:3], step)
+    learn_factors(z, step, dt, how[1, 2], floor, readings, learned[1])
 
 
 @njit(inner=True)
-def toward_stamp(z: Floats, P: Floats, pose: Floats, floor: Floats, out: Floats) -> None:
-    """The state's pose (3,) by a match that errs by `floor` (3,), its stamp's error above all.
+def pose_at_stamp(z: Floats, P: Floats, pose: Floats, floor: Floats, out: Floats) -> None:
+    """Pose (3,) of the state by a match with noise floor (3,), above all the error of its stamp.
 
-    ours: of the matched difference P (P + floor)^-1 is the robot's, the rest is the scan's.
+    ours: P (P + floor)^-1 of the difference is the robot's, the rest is the error of the stamp.
     """
-    off, share = np.empty(3), inverse3(P[:3, :3] + np.diag(floor))
-    offset_from(z, pose, off)
+    d, W = np.empty(3), inverse3(P[:3, :3] + np.diag(floor))
+    offset_from(z, pose, d)
     for i in range(3):
         out[i] = z[i]
         for k in range(3):
-            out[i] += P[i, k] * (share[k, 0] * off[0] + share[k, 1] * off[1] + share[k, 2] * off[2])
+            out[i] += P[i, k] * (W[k, 0] * d[0] + W[k, 1] * d[1] + W[k, 2] * d[2])
     out[2] = wrap_angle(out[2])
 
 
 @njit(inner=True, borrows=True)
-def between_halfway(before: Floats, pose: Floats, out: Floats) -> None:
-    """The step (3,) from one pose to another, seen from the heading half way. ours."""
-    dx, dy, turn = pose[0] - before[0], pose[1] - before[1], wrap_angle(pose[2] - before[2])
-    half = before[2] + 0.5 * turn
+def midpoint_step(before: Floats, pose: Floats, out: Floats) -> None:
+    """Step (3,) between two poses in the frame at half of the rotation. ours."""
+    dx, dy, rotation = pose[0] - before[0], pose[1] - before[1], wrap_angle(pose[2] - before[2])
+    half = before[2] + 0.5 * rotation
     c, s = math.cos(half), math.sin(half)
-    out[0], out[1], out[2] = c * dx + s * dy, c * dy - s * dx, turn
+    out[0], out[1], out[2] = c * dx + s * dy, c * dy - s * dx, rotation

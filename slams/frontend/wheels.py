@@ -1,4 +1,4 @@
-"""Steps that wheels measured, where their odometry comes at a rate of its own or is reset."""
+"""Increments of wheel odometry, which may come at its own rate or be reset."""
 
 from __future__ import annotations
 
@@ -7,40 +7,40 @@ from typing import NamedTuple
 
 from slams.types import IDENTITY, Pose2
 
-INTERVAL_MEMORY = 10.0  # changes of the odometry over which its usual interval is a mean
-SLOWEST = 0.5  # s: odometry that does not change for longer is of a robot at rest
-BETWEEN = 0.9  # of the usual interval: odometry that has not changed is that of the last message
-FASTEST = 5.0, 6.3  # m/s, rad/s: no wheels drive a robot of this kind so fast
+N_AVERAGED_WHEEL_INTERVALS = 10.0  # changes of the odometry in the mean interval
+MAX_WHEEL_INTERVAL = 0.5  # s; a robot whose odometry does not change for longer is at rest
+MIN_CHANGE_RATIO = 0.9  # of the mean interval; earlier the odometry repeats the last message
+MAX_WHEEL_SPEED, MAX_WHEEL_TURN_RATE = 5.0, 6.3  # m/s, rad/s, of robots of this kind
 
 
 class WheelStep(NamedTuple):
-    """An increment of the odometry [m, m, rad], and the time that it is of [s]."""
+    """An increment of the odometry [m, m, rad], and its time [s]."""
 
     increment: Pose2
     seconds: float
 
 
 def is_reset(step: Pose2, seconds: float) -> bool:
-    """Whether no robot drives so far in so many seconds: the odometry begins anew, or is wrong."""
-    speed, rate = FASTEST
-    return math.hypot(step.x, step.y) > speed * seconds or abs(step.theta) > rate * seconds
+    """Whether a step is too large for its time: the odometry was reset, or is wrong."""
+    if math.hypot(step.x, step.y) > MAX_WHEEL_SPEED * seconds:
+        return True
+    return abs(step.theta) > MAX_WHEEL_TURN_RATE * seconds
 
 
 class WheelSteps:
     """Increments of the odometry from scan to scan.
 
-    Scans between two messages of the wheels carry the last one again: they bring no increment, and
-    the next brings that of the whole time. A step too fast for any robot is a reset of the
-    odometry, no motion.
+    Scans between two messages of the wheels repeat the last odometry. They have no increment, and
+    the next scan has that of the whole time. A reset gives no increment.
     """
 
     def __init__(self) -> None:
         self._last: Pose2 | None = None
-        self._since = self._unchanged = 0.0  # s since the last increment, since it changed
-        self._changes = self._interval = 0.0  # how many, and s between them: a moving average
+        self._since = self._unchanged = 0.0  # s since the last increment, since the last change
+        self._changes = self._interval = 0.0  # number of changes, mean interval between them [s]
 
     def take(self, odometry: Pose2 | None, dt: float) -> WheelStep | None:
-        """The increment up to a scan `dt` [s] after the one before, None if there is none."""
+        """The increment up to a scan `dt` [s] after the last scan, or None."""
         last, self._last = self._last, odometry
         if last is None or odometry is None:
             self._since = self._unchanged = 0.0
@@ -49,14 +49,14 @@ class WheelSteps:
         self._unchanged += dt
         since, step = self._since, last.between(odometry)
         if step != IDENTITY:
-            self._learn(self._unchanged)
+            self._average(self._unchanged)
             self._unchanged = 0.0
-        elif self._unchanged < BETWEEN * self._interval:
+        elif self._unchanged < MIN_CHANGE_RATIO * self._interval:
             return None
         self._since = 0.0
         return None if is_reset(step, since) else WheelStep(step, since)
 
-    def _learn(self, interval: float) -> None:
-        if interval < SLOWEST:
-            self._changes = min(self._changes + 1.0, INTERVAL_MEMORY)
+    def _average(self, interval: float) -> None:
+        if interval < MAX_WHEEL_INTERVAL:
+            self._changes = min(self._changes + 1.0, N_AVERAGED_WHEEL_INTERVALS)
             self._interval += (interval - self._interval) / self._changes

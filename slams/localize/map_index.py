@@ -14,7 +14,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.frontend.correlative import ALIKE, BEAMS, LikelihoodField, Window, pooled_field, search
+from slams.frontend.correlative import (
+    N_SEARCH_BEAMS,
+    SEARCH_SCORE_TOLERANCE,
+    LikelihoodField,
+    Window,
+    pooled_field,
+    search,
+)
 from slams.localize.distance_map import ROBUST_DISTANCES, DistanceMap
 from slams.localize.virtual import MIN_CLEARANCE
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, wrap_angle
@@ -169,7 +176,7 @@ class Search:
         self.found: list[Candidate] = []
         self._index, self._scan = index, scan
         points = end_points(scan)
-        self._ends = points[:: max(1, len(points) // BEAMS)]
+        self._ends = points[:: max(1, len(points) // N_SEARCH_BEAMS)]
         self._tiles = list(index.tiles)  # still to search
         self._cost = MAX_FITTED_POSES * EVALUATION_COST  # us of the last tile; estimate of the next
         self._likely = np.empty((0, 4))  # poses of the laser, and likelihood minus conflicts
@@ -192,8 +199,9 @@ class Search:
     def _search_tile(self, tile: Pose2) -> None:
         """Search one tile; keep its likely poses in free space."""
         window, distances = Window(tile, TILE_HALF_WIDTH, math.pi), self._index.distances
-        enough = self._likely[:, 3].max(initial=ALIKE) - ALIKE
-        poses, lookups = search(self._index.likelihood_field, self._ends.T, window, enough, ALIKE)
+        tolerance, field = SEARCH_SCORE_TOLERANCE, self._index.likelihood_field
+        enough = self._likely[:, 3].max(initial=tolerance) - tolerance
+        poses, lookups = search(field, self._ends.T, window, enough, tolerance)
         good = distinct_poses(poses[(poses[:, 3] > enough) & self._index.in_free_space(poses)])
         for pose in good:
             pose[3] -= distances.evaluate(self._ends, Pose2(*pose[:3].tolist()))[1]

@@ -158,7 +158,7 @@ def observed(points: EndPoints, theta: float, spread: Floats) -> Floats:
         theta: its heading [rad] in the frame of the result.
         spread: (2, 2) [m^2].
     """
-    seen = scan_observability(points, theta, known_otherwise=True)
+    seen = scan_observability(points, theta, position_measured=True)
     blind = np.array((seen.x, seen.y))
     projection: Floats = np.eye(2) - (1.0 - seen.share) * np.outer(blind, blind)
     squares, axes = np.linalg.eigh(spread)

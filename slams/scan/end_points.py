@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from slams.geometry import travelled
+from slams.geometry import constant_twist_step
 from slams.params import MAX_LASERS
 from slams.scan import scan_kernels as kernels
 from slams.scan.leveling import Leveling
@@ -84,7 +84,7 @@ class EndPoints:
         """Pose of the base at the stamp of the scan, whose middle was matched at `pose`."""
         if not self.has_sweep or self._laser is None:
             return pose
-        return pose @ travelled(self._velocity, -0.5 * self._laser.sweep_time)
+        return pose @ constant_twist_step(self._velocity, -0.5 * self._laser.sweep_time)
 
     @property
     def counts(self) -> dict[str, int]:

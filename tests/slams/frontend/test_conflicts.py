@@ -1,4 +1,4 @@
-"""What maps call a conflict: an end of a beam where others have gone by."""
+"""Conflicts: beams that end where the map is free."""
 
 import math
 from dataclasses import replace
@@ -72,7 +72,7 @@ def test_scans_with_many_ends_where_the_map_is_free_are_counted(name, beams, cou
 
 
 class Grid:
-    """A map of which only the shares are known that are for and against a pose."""
+    """A map with given shares of inliers and conflicts."""
 
     empty = True
 
@@ -89,7 +89,7 @@ class Grid:
         ((0.6, 0.0), (0.6, 0.0), "matched"),  # along a corridor that is empty
     ],
 )
-def test_a_scan_in_conflict_moves_the_robot_against_its_wheels_only_by_what_it_explains(
+def test_a_scan_in_conflict_moves_the_robot_against_its_wheels_only_with_a_lead(
     there, predicted, state
 ):
     estimator, grid = PoseEstimator(FrontendParams(search=False)), Grid()
@@ -98,10 +98,10 @@ def test_a_scan_in_conflict_moves_the_robot_against_its_wheels_only_by_what_it_e
         scan = Scan(0.1 * k, cast(HALL, IDENTITY, SPARSE), SPARSE, Pose2(0.05 * k, 0.0, 0.0))
         prior = estimator.predict(scan)
         poses = [prior.pose @ Pose2(0.001 * mm, 0.0, 0.0) for mm in range(100)]
-        pose = next(pose for pose in poses if prior.distance(pose) > 15.0 * k)
+        pose = next(pose for pose in poses if prior.mahalanobis_squared(pose) > 15.0 * k)
         grid.match, grid.there, grid.predicted = pose, there, predicted
         match = Match(pose, there[0], 1.0, np.diag((1e4, 1e4, 1e5)))
         found = estimator.decide(points.read(scan, IDENTITY), [match], grid, lambda *_: [])
         grid.empty = False
-    assert prior.distance(pose) < 40.0
+    assert prior.mahalanobis_squared(pose) < 40.0
     assert estimator.state == state and (found == prior.pose) == (state == "predicted")

@@ -8,7 +8,7 @@ import pytest
 from slams.frontend import filter_kernels as kernels
 from slams.frontend import update_kernels
 from slams.frontend.degeneracy import FULLY_OBSERVED, Observability
-from slams.frontend.motion_filter import MAP_ERROR, MotionFilter
+from slams.frontend.motion_filter import MIN_MATCH_STD, MotionFilter
 from slams.frontend.params import FrontendParams
 from slams.types import Laser, Pose2, Scan
 
@@ -47,13 +47,13 @@ def test_one_reading_is_fused_as_the_textbook_does():
 
 def test_a_reading_far_off_widens_both_sides_along_its_axis():
     near, far = (np.diag(np.full(kernels.N, 1e-4)) for _ in range(2))
-    room = np.zeros((3, kernels.N))
-    room[2, kernels.STEP] = 1.0
+    buffer = np.zeros((3, kernels.N))
+    buffer[2, kernels.STEP] = 1.0
     for P, distance in ((near, 0.02), (far, 3.0)):
         readings = np.zeros((4, 4))
         readings[0] = (1.0, distance, 1e-4, 1e-4)
-        kernels.widen(P, 0, distance**2, readings, room)
-        assert (readings[0, kernels.USED] > 0.1) == (P is far)
+        kernels.inflate(P, 0, distance**2, readings, buffer)
+        assert (readings[0, kernels.USED_VARIANCE] > 0.1) == (P is far)
     np.testing.assert_array_equal(near, np.diag(np.full(kernels.N, 1e-4)))
     assert far[kernels.STEP, kernels.STEP] > 0.1
     assert far[kernels.STEP + 2, kernels.STEP + 2] == 1e-4
@@ -193,12 +193,12 @@ def test_a_scan_that_was_kept_back_costs_the_wheels_no_weight(seconds, costs):
     assert (most > 2.0) == costs  # no recorder keeps a scan back for a second
 
 
-def test_a_map_that_drifts_with_its_matches_says_little_of_the_bias_of_a_gyro():
-    """Matches within 2 mrad of a map that is made of them: its random walk is left after 5 s."""
+def test_a_map_that_drifts_with_its_matches_constrains_the_gyro_bias_little():
+    """Matches within 2 mrad of a map made of them: the random walk of the map is left after 5 s."""
     motion = MotionFilter(FrontendParams())
     for k in range(51):
         motion.predict(scan(0.1 * k, yaw=0.0))
-        assert not motion._entered.any()  # once for each match
+        assert not motion._map_noise.any()  # once for each match
         motion.update(Pose2(0.0, 0.0, 0.0), np.diag((1e6, 1e6, 0.25e6)), FULLY_OBSERVED)
     assert 4e-4 < math.sqrt(motion._P[kernels.BIAS, kernels.BIAS]) < 1e-3  # rad/s
 
@@ -240,16 +240,16 @@ def test_the_covariance_is_positive_definite_whatever_comes(seed):
             assert is_covariance(motion._P), k
 
 
-def test_a_given_pose_is_known_and_at_rest():
+def test_a_given_pose_is_at_rest():
     motion = MotionFilter(FrontendParams())
     motion.predict(scan(0.0))
-    motion.place(Pose2(1.0, 2.0, 0.5), np.diag(MAP_ERROR**2))
+    motion.set_pose(Pose2(1.0, 2.0, 0.5), np.diag(MIN_MATCH_STD**2))
     prior = motion.predict(scan(0.1))
     assert prior.pose == pytest.approx((1.0, 2.0, 0.5))
     assert prior.twist == pytest.approx((0.0, 0.0, 0.0))
 
 
-def test_wheels_that_stall_say_nothing_of_their_scale():
+def test_wheels_that_stall_do_not_change_their_scale():
     z, readings, H = np.zeros(kernels.N), np.zeros((4, 4)), np.empty(kernels.N)
     z[kernels.STEP] = 0.05
     assert kernels.linearize(z, 0.1, 0, readings, H) == pytest.approx(-0.05)

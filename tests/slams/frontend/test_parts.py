@@ -1,4 +1,4 @@
-"""Timing, degeneracy, correlative matching and keyframes, each by hand-made cases."""
+"""Timing, degeneracy, correlative matching, keyframes and the estimator, by synthetic cases."""
 
 import math
 
@@ -53,14 +53,14 @@ def test_scans_that_are_missing_leave_their_time():
     assert np.corrcoef(found[50:], whole[51:])[0, 1] > 0.95
 
 
-def test_steady_stamps_and_a_gap_are_believed_and_stamps_that_go_back_are_an_interval():
+def test_steady_stamps_and_a_gap_are_kept_and_stamps_that_go_back_give_an_interval():
     stamps = np.concatenate([0.1 * np.arange(50), 0.1 * np.arange(50) + 8.0])
     assert intervals(stamps)[:50] == pytest.approx([0.1] * 49 + [3.1], abs=1e-9)
     assert (intervals((0.0, 0.1, 0.2, 0.1, 0.3)) > 0.0).all()
 
 
 @pytest.mark.parametrize(("along", "share"), [(0.002, 0.8), (0.0003, 0.0), (0.1, 1.0)])
-def test_what_tilted_normals_of_a_map_say_is_no_information(along, share):
+def test_errors_of_the_normals_of_a_map_give_no_information(along, share):
     seen = match_observability(1e6 * np.diag((along, 1.0, 1.0)))
     assert seen.share == pytest.approx(share)
     assert share == 1.0 or abs(seen.x) == pytest.approx(1.0)
@@ -75,7 +75,9 @@ def test_a_corridor_is_degenerate_along_itself_and_a_room_is_not():
     assert observability(100.0, 0.0, 100.0, 0.14) == FULLY_OBSERVED
     assert 0.0 < observability(8.0, 0.0, 200.0, 0.14).share < 0.9
     assert observability(2.0, 0.0, 150.0, 0.14).share == 0.0
-    assert observability(2.0, 0.0, 150.0, 0.05).share > 0.3  # better normals show less of it
+    assert (
+        observability(2.0, 0.0, 150.0, 0.05).share > 0.3
+    )  # with smaller errors of the normals more is observed
 
 
 def test_a_search_finds_the_pose_that_the_wall_shows():
@@ -86,13 +88,15 @@ def test_a_search_finds_the_pose_that_the_wall_shows():
     points = true.inverse().transform(walls).T
     lookup = LikelihoodField(likelihood, 0.0, 0.0, 0.1)
     window = window_of(Pose2(2.5, 1.7, 0.0), np.diag((0.04, 0.04, 0.01)))
-    poses, _ = search(lookup, points, window, alike=0.2)
+    poses, _ = search(lookup, points, window, tolerance=0.2)
     assert (np.diff(poses[:, 3]) <= 0.0).all()
     assert math.hypot(poses[0, 0] - 2.0, poses[0, 1] - 2.0) < 0.11
     assert poses[0, 2] == pytest.approx(0.2, abs=0.05)
-    every, _ = search(lookup, points, window, alike=1.0)
+    every, _ = search(lookup, points, window, tolerance=1.0)
     assert every[0] == pytest.approx(poses[0])
-    assert (every[:, 3] >= poses[:, 3]).all()  # what can't come close was given up
+    assert (
+        every[:, 3] >= poses[:, 3]
+    ).all()  # poses below the tolerance were not evaluated to the end
     assert every[:, 3].sum() > poses[:, 3].sum() + 1.0
 
 
@@ -121,12 +125,12 @@ def test_a_coarse_cell_bounds_all_shifts_within_it(block):
 def test_a_search_stays_in_its_window(half):
     """But for one coarse cell of it: walls beside it are not to crowd out what is inside."""
     lookup = LikelihoodField(np.ones((200, 200), np.float32), -20.0, -20.0, 0.2)
-    poses, _ = search(lookup, np.ones((2, 60)), Window(IDENTITY, half, 0.1), alike=1.0)
+    poses, _ = search(lookup, np.ones((2, 60)), Window(IDENTITY, half, 0.1), tolerance=1.0)
     found = np.abs(poses[:, :2]).max()
     assert 0.9 * half - 0.2 < found < half + max(0.2, 0.8 * half)
 
 
-SURE = Prediction(IDENTITY, 400.0 * np.eye(3), np.eye(3) / 400.0, IDENTITY, 0.1)
+PRIOR = Prediction(IDENTITY, 400.0 * np.eye(3), np.eye(3) / 400.0, IDENTITY, 0.1)
 
 
 class Map:
@@ -150,24 +154,24 @@ def test_where_all_is_alike_a_search_looks_near_the_prior():
         return [Match(start)]
 
     starts = []
-    best = best_around(Match(Pose2(0.3, 0.0, 0.0)), here(), uniform, SURE, rematch)
-    distances = [round(SURE.distance(start), 9) for start in starts]
+    best = best_around(Match(Pose2(0.3, 0.0, 0.0)), here(), uniform, PRIOR, rematch)
+    distances = [round(PRIOR.mahalanobis_squared(start), 9) for start in starts]
     assert distances == sorted(distances) and distances[0] == 0.0
     assert best.match.pose == starts[0]
 
 
 @pytest.mark.parametrize(
-    ("aside", "turned", "found"),
+    ("lateral", "rotation", "found"),
     [(0.0, 0.5, True), (0.0, 0.9, True), (0.0, 1.3, False), (0.8, 0.0, True), (2.2, 0.0, False)],
 )
-def test_a_search_reaches_as_far_as_a_late_scan_may_be(aside, turned, found):
-    """However sure the prior is: here of five centimeters and a twentieth of a radian."""
-    true = Pose2(aside, 0.0, turned)
+def test_a_search_reaches_as_far_as_a_late_scan_may_be(lateral, rotation, found):
+    """However small the covariance of the prior: here 5 cm and a twentieth of a radian."""
+    true = Pose2(lateral, 0.0, rotation)
     lookup = LocalMap([keyframe(scan_at(IDENTITY, LIDAR), IDENTITY)], [true])._lookup
     walls = Map(
         lookup, lambda points, pose: 1.0 if pose_distance(points, pose, true) < 0.3 else 0.1
     )
-    best = best_around(Match(IDENTITY), here(), walls, SURE, lambda _, start, __: [Match(start)])
+    best = best_around(Match(IDENTITY), here(), walls, PRIOR, lambda _, start, __: [Match(start)])
     assert (pose_distance(here(), best.match.pose, true) < 0.3) == found
 
 
@@ -208,16 +212,16 @@ def test_two_lasers_in_turns_are_no_jitter():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_gap_among_stamps_that_jitter_is_believed(seed):
+def test_a_gap_among_stamps_that_jitter_is_kept(seed):
     stamps = 0.2 * np.arange(200) + np.random.default_rng(seed).uniform(0.0, 0.1, 200)
     stamps[150:] += 3.0
     assert intervals(stamps)[149] == pytest.approx(stamps[150] - stamps[149])
 
 
 class Standing:
-    """A robot that stands, and a map that says how much of its scans it explains.
+    """A robot at rest, with a map whose shares of inliers and conflicts are given.
 
-    It begins with so many scans that the map explains entirely.
+    It starts with `explained` scans that match entirely.
     """
 
     empty = False
@@ -226,36 +230,36 @@ class Standing:
         self._wheels, self._k, self._walls = IDENTITY if wheels else None, 0, walls
         self._reader = EndPoints(ScanParams())
         self.estimator = PoseEstimator(FrontendParams(search=False, relocate=False))
-        self.foreseen = None  # shares where it stands, if not those of the match
+        self.predicted = None  # shares at the predicted pose, if not those of the match
         self.take(explained, 1.0, 0.0)
 
     def evaluate(self, points, pose):
-        return self.shares if self.foreseen is None or pose != IDENTITY else self.foreseen
+        return self.shares if self.predicted is None or pose != IDENTITY else self.predicted
 
     def crop(self, box):
         return None
 
-    def take(self, count, inliers, conflicts, pose=IDENTITY, seen=(1e5, 1e5, 1e6)):
-        """So many scans, each with a match at `pose` of information `seen`."""
+    def take(self, count, inliers, conflicts, pose=IDENTITY, information=(1e5, 1e5, 1e6)):
+        """Update with `count` scans, each with a match at `pose` with `information`."""
         self.shares = inliers, conflicts
         for _ in range(count):
             scan = scan_at(IDENTITY, LIDAR, self._walls, t=0.1 * self._k, odometry=self._wheels)
             points = self._reader.read(scan, self.estimator.predict(scan).twist)
-            match = Match(pose, information=np.diag(seen))
+            match = Match(pose, information=np.diag(information))
             self.estimator.decide(points, [match], self, lambda *_: [])
             self._k += 1
         return self.estimator
 
 
 @pytest.mark.parametrize(("wheels", "state"), [(False, "lost"), (True, "predicted")])
-def test_what_has_seen_nothing_is_lost_until_it_begins_a_map(wheels, state):
+def test_a_robot_without_end_points_is_lost_until_it_starts_a_map(wheels, state):
     robot = Standing(0, wheels, walls=np.add(ROOM, 1e3))
     robot.empty = True
     assert robot.take(2, 0.0, 0.0).state == "predicted"
     assert robot.take(20, 0.0, 0.0).state == state
     robot._walls = ROOM
     found = robot.take(1, 0.0, 0.0)
-    assert found.state == "matched" and found.covariance.trace() < 1e-6  # in the map it begins
+    assert found.state == "matched" and found.covariance.trace() < 1e-6  # in its new map
 
 
 def test_a_map_drifts_by_its_first_scan_and_where_it_grows():
@@ -285,19 +289,19 @@ def test_along_a_bare_corridor_a_match_beyond_the_gate_is_of_this_interval(off, 
 
 
 @pytest.mark.parametrize(
-    ("foreseen", "off", "state"),
+    ("predicted", "off", "state"),
     [
         ((0.0, 0.4), 0.05, "matched"),
         ((0.3, 0.1), 0.05, "predicted"),
-        ((0.0, 0.4), 0.15, "predicted"),  # so far beyond that this share is too little
+        ((0.0, 0.4), 0.15, "predicted"),  # so far beyond the gate that this share is too small
         ((0.0, 0.4), 1.1, "predicted"),
     ],
 )
 def test_wheels_that_the_map_contradicts_give_way_to_a_match_that_explains_more_than_half(
-    foreseen, off, state
+    predicted, off, state
 ):
     robot = Standing(19)
-    robot.foreseen = foreseen
+    robot.predicted = predicted
     assert robot.take(1, 0.6, 0.0, Pose2(off, 0.0, 0.0)).state == state
 
 
@@ -316,11 +320,11 @@ def test_a_lost_robot_takes_no_match_that_chance_may_explain(for_it, taken):
     assert (found.match is not None) == taken
 
 
-def test_what_a_match_observes_by_tilted_normals_alone_stays_open():
-    """Its scans see a room, but the lines that they lie on face one way, but for their error."""
+def test_a_match_that_observes_by_errors_of_normals_alone_is_degenerate():
+    """The scans observe a room, but the lines of the match have one normal, except for errors."""
     deviation = []
     for along in (300.0, 3000.0):  # of 1e6 across
-        found = Standing(0, wheels=False).take(30, 1.0, 0.0, seen=(along, 1e6, 1e6))
+        found = Standing(0, wheels=False).take(30, 1.0, 0.0, information=(along, 1e6, 1e6))
         deviation.append(math.sqrt(found.covariance[0, 0]))
     assert deviation[0] > 0.3 and deviation[1] < 0.02
 
@@ -333,7 +337,7 @@ def test_without_a_match_while_one_has_to_stand_a_robot_without_wheels_is_lost(w
     assert robot.take(1, 0.0, 0.0).state == state
 
 
-def test_good_wheels_are_not_contradicted_by_one_match_that_fits():
+def test_good_wheels_are_not_overruled_by_one_match_that_fits():
     robot = Standing(19)
     found = robot.take(1, 1.0, 0.0, Pose2(1.0, 0.0, 1.5))
     assert found.state == "predicted"
@@ -344,13 +348,13 @@ def test_good_wheels_are_not_contradicted_by_one_match_that_fits():
 
 @pytest.mark.parametrize(("wheels", "state"), [(True, "predicted"), (False, "lost")])
 def test_after_a_contradiction_what_explains_half_has_to_stand_for_seconds(wheels, state):
-    """Wheels keep the robot from being lost meanwhile, as in a crowd."""
+    """With wheels the robot is not lost meanwhile, as among people."""
     robot = Standing(10, wheels)
     assert robot.take(20, 0.0, 1.0).state == state
-    found = robot.take(50, 0.5, 0.0)  # CONFIRMED of full match_score: 6 s
-    assert found.state == state and not found.maps
+    found = robot.take(50, 0.5, 0.0)  # CONFIRMATION_TIME at the mean score: 6 s
+    assert found.state == state and not found.may_map
     found = robot.take(20, 0.5, 0.0)
-    assert found.state == "matched" and found.maps
+    assert found.state == "matched" and found.may_map
 
 
 @pytest.mark.parametrize(("motion_model", "informed"), [(False, False), (True, True)])

@@ -1,4 +1,4 @@
-"""A lost robot is searched for in its own map a bit in every scan, and found or stays lost."""
+"""Relocalization: a lost robot is searched in its own map, with bounded work per scan."""
 
 import math
 
@@ -122,7 +122,9 @@ def test_small_differences_of_alike_rooms_do_not_add_up_while_the_robot_stands(o
 
 
 def test_more_alike_places_than_can_be_tracked_stay_open(monkeypatch):
-    monkeypatch.setattr(relocalize, "WORK", 3.0 * map_index.FIT_COST)  # one is tracked, of two
+    monkeypatch.setattr(
+        relocalize, "WORK_PER_SCAN", 3.0 * map_index.FIT_COST
+    )  # one is tracked, of two
     draw, near = Map(grid_of(ALIKE, inside=(0.0, -1.0))), laser(541, range_max=3.0)
     drive = driving(140, Pose2(-4.5, 2.5, -1.5), Pose2(0.0, 0.005, 0.02), ALIKE, near)
     assert run(drive, draw, Pose2(0.0, -1.0, 0.0))[0] is None
@@ -219,12 +221,12 @@ def test_the_work_of_a_scan_is_bounded_on_a_large_map(monkeypatch):
             made.clear()
     assert_near(found, pose)
     assert len(spent) > 15
-    assert (np.max(spent, axis=0) > 0.5 * relocalize.WORK).all()
-    assert np.sum(spent, axis=1).max() < 1.5 * relocalize.WORK  # a first square is a guess
+    assert (np.max(spent, axis=0) > 0.5 * relocalize.WORK_PER_SCAN).all()
+    assert np.sum(spent, axis=1).max() < 1.5 * relocalize.WORK_PER_SCAN  # a first square is a guess
 
 
 def test_a_fine_map_is_made_coarser_and_the_robot_found(monkeypatch):
-    monkeypatch.setattr(relocalize, "MAX_CELLS", 13_000)
+    monkeypatch.setattr(relocalize, "MAX_SEARCH_CELLS", 13_000)
     grid = grid_of(ROOM, cell=0.025)
     small = coarsened(grid)
     assert small.p.size <= 13_000 and small.resolution == pytest.approx(0.1)

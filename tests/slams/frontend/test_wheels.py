@@ -1,4 +1,4 @@
-"""What wheels, stamps and single matches are worth to the front end."""
+"""Wheels, stamps and single matches in the front end."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 
 from slams.frontend import update_kernels
 from slams.frontend.degeneracy import FULLY_OBSERVED
-from slams.frontend.estimator import DEAD_RECKONING
+from slams.frontend.estimator import MAX_UNMATCHED_TIME
 from slams.frontend.filter_kernels import DRIFT, N
 from slams.frontend.motion_filter import MotionFilter
 from slams.frontend.params import FrontendParams
@@ -72,11 +72,11 @@ def test_of_a_match_whose_stamp_jitters_the_state_takes_its_share():
     z, P, out = np.zeros(N), np.diag(np.full(N, 1e-4)), np.empty(3)
     match = np.array((0.1, -0.2, 0.05))
     for error, share in ((0.0, 1.0), (1e-4, 0.5), (1e-2, 1.0 / 101.0)):
-        update_kernels.toward_stamp(z, P, match, np.full(3, error), out)
+        update_kernels.pose_at_stamp(z, P, match, np.full(3, error), out)
         assert out == pytest.approx(share * match)
 
 
-def test_late_stamps_widen_the_prior_by_the_way_that_is_driven_meanwhile():
+def test_late_stamps_widen_the_prior_by_the_distance_driven_meanwhile():
     rng, wide = np.random.default_rng(3), []
     for jitter in (0.0, 0.03):
         motion = MotionFilter(FrontendParams())
@@ -101,17 +101,17 @@ def test_against_wheels_a_good_match_is_taken_only_where_a_robot_gets_in_half_a_
 
 @pytest.mark.parametrize("wheels", [True, False])
 def test_a_scan_that_was_kept_back_shows_where_the_robot_was(wheels):
-    """And the next one where it is; its velocity is none of a robot that jumped."""
+    """And the next scan shows where it is; the velocity does not jump."""
     slam = made("hector")
-    way = [Pose2(0.05 * k, 0.0, 0.01 * k) for k in range(60)]
+    path = [Pose2(0.05 * k, 0.0, 0.01 * k) for k in range(60)]
     for k in range(60):
-        taken = way[k - 16 if k == 50 else k]
+        taken = path[k - 16 if k == 50 else k]
         pose = slam.update(scan_at(taken, LIDAR, t=0.1 * k, odometry=taken if wheels else None))
         if k >= 50:
             assert pose == pytest.approx(taken, abs=0.03) and slam.state == "matched"
 
 
-def test_a_score_is_what_scan_and_prior_say():
+def test_a_score_is_that_of_scan_and_prior():
     near, far = (Candidate(Match(IDENTITY), square, 0.0, 0.8, 0.1) for square in (0.0, 400.0))
     assert near.score == near.match_score == pytest.approx(0.7)
     assert far.match_score == near.match_score and far.score < near.score - 0.1
@@ -121,12 +121,12 @@ def test_a_score_is_what_scan_and_prior_say():
 def test_where_nothing_matches_new_ground_enters_the_map(shares, maps, monkeypatch):
     slam = settled("hector", 5, odometry=IDENTITY)
     monkeypatch.setattr(slam._map, "evaluate", lambda points, pose: shares)
-    slam._estimator._usual = 1.0
+    slam._estimator._mean_score = 1.0
     for k in range(5, 20):
         slam.update(still(k, odometry=IDENTITY))
         seconds = 0.1 * (k - 4)
-        if abs(seconds - DEAD_RECKONING) > 0.05:
-            assert slam._estimator.may_map == (maps and seconds > DEAD_RECKONING)
+        if abs(seconds - MAX_UNMATCHED_TIME) > 0.05:
+            assert slam._estimator.may_map == (maps and seconds > MAX_UNMATCHED_TIME)
 
 
 # where a paper's match starts
@@ -143,7 +143,7 @@ def test_the_start_is_the_last_pose_moved_by_the_wheels():
 
 @pytest.mark.parametrize("wrong", [Pose2(0.1, 0.0, 1.5), Pose2(-40.0, 0.0, 0.0)])
 def test_wheels_that_jump_are_not_followed(wrong):
-    """The driver began anew, or a message is broken: the last step is made once more."""
+    """The driver restarted, or a message is broken: the last step is repeated."""
     estimator = PlainEstimator(FrontendParams(), motion_model=True)
     estimator.predict(scan(0.0, Pose2(0.0, 0.0, 0.0)))
     before = estimator.predict(scan(0.2, Pose2(0.1, 0.0, 0.0)))
