@@ -144,7 +144,7 @@ play room.npz --no-odometry --odom none | --no-odometry: got --odom
 play room.npz --rate 0 | --rate: got 0
 play room.npz --wait-for-subscriber nan | got nan, expected 0 s or more
 play room.npz --remap scan | --remap: got 'scan', expected /FROM:=/TO
-play room.npz --remap /a:=/b | --remap: /a is no topic here
+play room.npz --remap /a:=/b | --remap: no topic /a
 """
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from slams.formats.options import DamagedError
-from slams.ros.messages import KNOWN, Record
+from slams.ros.messages import READABLE_TYPES, Record
 
-REPAIR = {
+REPAIR_HINTS = {
     "bag": "'rosbag reindex FILE' repairs it",
     "mcap": "'mcap recover FILE -o NEW.mcap' repairs it",
     "db3": "'sqlite3 FILE .recover | sqlite3 NEW.db3' repairs it",
@@ -43,20 +43,20 @@ def open_bag(path: Path, kind: str) -> Iterator[Bag]:
     Raises:
         DamagedError: the library cannot read it, or would miss its end.
     """
-    if kind == "db3" and (log := write_ahead(path)) is not None:
-        raise damaged(path, kind, f"its last messages are still in {log.name}")
+    if kind == "db3" and (log := write_ahead_log(path)) is not None:
+        raise damaged_error(path, kind, f"its last messages are still in {log.name}")
     if kind in ("mcap", "db3") and path.suffix != f".{kind}":  # by which the library goes
         raise ValueError(f"{path}: is a .{kind} by its content; give it this ending")
     from rosbags import rosbag1, rosbag2
 
-    with _guarded(path, kind):
+    with _library_errors(path, kind):
         reader: Any = rosbag1.Reader(path) if kind == "bag" else rosbag2.Reader(path)
         reader.open()
-    topics = summed((c.topic, c.msgtype, c.msgcount) for c in reader.connections)
+    topics = merged_topics((c.topic, c.msgtype, c.msgcount) for c in reader.connections)
 
     def _records(names: Collection[str]) -> Iterator[Record]:
-        wanted = [c for c in reader.connections if c.topic in names and c.msgtype in KNOWN]
-        with _guarded(path, kind):
+        wanted = [c for c in reader.connections if c.topic in names and c.msgtype in READABLE_TYPES]
+        with _library_errors(path, kind):
             for connection, received, data in reader.messages(wanted) if wanted else ():
                 if connection in wanted:  # a damaged index leads to others, too
                     yield Record(connection.topic, connection.msgtype, received, data)
@@ -64,12 +64,12 @@ def open_bag(path: Path, kind: str) -> Iterator[Bag]:
     try:
         yield Bag(topics, kind == "bag", _records)
     finally:
-        with _guarded(path, kind):
+        with _library_errors(path, kind):
             reader.close()
 
 
 @contextmanager
-def _guarded(path: Path, kind: str) -> Iterator[None]:
+def _library_errors(path: Path, kind: str) -> Iterator[None]:
     """While the library does something: what it raises on a damaged file becomes one sentence."""
     try:
         yield
@@ -77,16 +77,16 @@ def _guarded(path: Path, kind: str) -> Iterator[None]:
         if isinstance(error, FileNotFoundError | PermissionError) and error.errno:
             raise
         text = (str(error) or type(error).__name__).replace(str(path), path.name)
-        raise damaged(path, kind, text) from error
+        raise damaged_error(path, kind, text) from error
 
 
-def write_ahead(database: Path) -> Path | None:
+def write_ahead_log(database: Path) -> Path | None:
     """What a recorder that was killed had not yet moved into its database, if anything."""
     log = database.with_name(f"{database.name}-wal")
     return log if log.is_file() and log.stat().st_size else None
 
 
-def joined(bags: Sequence[Bag]) -> Bag:
+def joined_bags(bags: Sequence[Bag]) -> Bag:
     """The files of one recording as one bag.
 
     Raises:
@@ -99,10 +99,10 @@ def joined(bags: Sequence[Bag]) -> Bag:
         each = (bag.records(names) for bag in bags)
         return heapq.merge(*each, key=lambda record: record.received)
 
-    return Bag(summed(topic for bag in bags for topic in bag.topics), bags[0].ros1, _records)
+    return Bag(merged_topics(topic for bag in bags for topic in bag.topics), bags[0].ros1, _records)
 
 
-def summed(found: Iterable[tuple[str, str, int]]) -> list[Topic]:
+def merged_topics(found: Iterable[tuple[str, str, int]]) -> list[Topic]:
     """Each topic and message type once, with all its messages."""
     counts: Counter[tuple[str, str]] = Counter()
     for name, msgtype, messages in found:
@@ -110,9 +110,9 @@ def summed(found: Iterable[tuple[str, str, int]]) -> list[Topic]:
     return [Topic(*key, n) for key, n in counts.items()]
 
 
-def damaged(path: Path, kind: str, reason: str) -> DamagedError:
+def damaged_error(path: Path, kind: str, reason: str) -> DamagedError:
     """The sentence for a bag that is not whole, with the way out."""
     reason = " ".join(reason.split())[:120].rstrip(".")
     return DamagedError(
-        f"{path}: cut short or damaged ({reason}); {REPAIR[kind]}, --salvage reads what is whole"
+        f"{path}: cut short or damaged ({reason}); {REPAIR_HINTS[kind]}, --salvage reads what is whole"
     )

@@ -23,17 +23,19 @@ import numpy as np
 
 from slams.formats.options import DamagedError, SourceOptions
 from slams.formats.packed import name_of, text_of
-from slams.formats.sweep import Mounted, Sweep, common, usable
+from slams.formats.sweep import LaserMount, Sweep, common_geometry, has_directions
 from slams.scanlog import ScanLog, TimeSeries
 from slams.types import Floats, Laser, Pose2, Ranges
 from slams.validation import FAR, LATEST
 
-LASER = re.compile(r"(FLASER|RLASER|RAWLASER\d|ROBOTLASER\d)$")
-FRONT = ("ROBOTLASER1", "FLASER", "RAWLASER1")  # one laser's; the first tells most
-N_TAIL_WORDS = 3
-RANGE_MIN, RANGE_MAX = 0.1, 81.0  # of a SICK, where no line tells it
-RIGID_TOLERANCE = 2e-3  # [m, rad] that a laser on its robot seems to move by rounding
-NO_RETURN_FREQUENCY = 10  # times as frequent as any reading near it: the code for "nothing seen"
+LASER_MESSAGE = re.compile(r"(FLASER|RLASER|RAWLASER\d|ROBOTLASER\d)$")
+FRONT_LASERS = ("ROBOTLASER1", "FLASER", "RAWLASER1")  # one laser's; the first tells most
+N_TRAILING_WORDS = 3
+SICK_RANGE_MIN, SICK_RANGE_MAX = 0.1, 81.0  # of a SICK, where no line tells it
+MOUNT_TOLERANCE = 2e-3  # [m, rad] that a laser on its robot seems to move by rounding
+NO_RETURN_FREQUENCY_RATIO = (
+    10  # times as frequent as any reading near it: the code for "nothing seen"
+)
 
 
 def read(path: Path, options: SourceOptions) -> ScanLog:
@@ -45,7 +47,7 @@ def read(path: Path, options: SourceOptions) -> ScanLog:
     """
     notes: list[str] = []
     text = text_of(path)
-    message = _chosen(text, options.scan_topic)
+    message = _laser_message(text, options.scan_topic)
     lines = Lines(message)
     bad = _parse(text, lines, options.salvage)
     if bad:
@@ -54,13 +56,13 @@ def read(path: Path, options: SourceOptions) -> ScanLog:
         raise ValueError(f"no {message} line is whole")
     if "\nNEFF " in text:
         notes.append("NEFF lines: the poses of this log are the result of another SLAM")
-    t, ranges, laser = common(lines.sweeps, Mounted(_mount(lines, notes)), notes)
+    t, ranges, laser = common_geometry(lines.sweeps, LaserMount(_mount(lines, notes)), notes)
     odom, odometry = _odometry(t, lines, options.odom)
     source = {"format": "CARMEN", "file": path.name, "scans": message, "odometry": odometry}
     return ScanLog(
         t,
         ranges,
-        replace(laser, range_max=_no_return(ranges, laser)),
+        replace(laser, range_max=_range_max(ranges, laser)),
         odom=odom,
         truth=_track(lines.truth),
         meta={"name": name_of(path), "source": source},
@@ -71,10 +73,10 @@ def read(path: Path, options: SourceOptions) -> ScanLog:
 def laser_messages(text: str) -> dict[str, int]:
     """Laser messages of a log, and how many lines each has."""
     words = Counter(line.split(maxsplit=1)[0] for line in text.split("\n") if line.strip())
-    return {word: n for word, n in words.items() if LASER.match(word)}
+    return {word: n for word, n in words.items() if LASER_MESSAGE.match(word)}
 
 
-def _chosen(text: str, wanted: str | None) -> str:
+def _laser_message(text: str, wanted: str | None) -> str:
     """The laser message to read: the one asked for, else the front laser, else the only one."""
     counts = laser_messages(text)
     found = ", ".join(f"{name} ({n})" for name, n in sorted(counts.items())) or "none"
@@ -82,7 +84,7 @@ def _chosen(text: str, wanted: str | None) -> str:
         raise ValueError(f"no {wanted} lines; its laser messages: {found}")
     if not counts:
         raise ValueError("no laser lines; expected FLASER, RAWLASER1 or ROBOTLASER1")
-    front = [name for name in FRONT if name in counts]
+    front = [name for name in FRONT_LASERS if name in counts]
     if wanted is None and not front and len(counts) > 1:
         raise ValueError(f"{len(counts)} lasers, --scan-topic picks one: {found}")
     return wanted or (front or list(counts))[0]
@@ -116,9 +118,9 @@ class Lines:
         self.truth: list[list[float]] = []
         self.sweeps: list[Sweep] = []
         self.poses: list[tuple[Pose2, Pose2]] = []
-        laser = self._old_laser if message in ("FLASER", "RLASER") else self._new_laser
+        laser = self._add_flaser if message in ("FLASER", "RLASER") else self._add_rawlaser
         self.parsers: dict[str, Callable[[list[str]], None]] = {
-            "PARAM": self._param,
+            "PARAM": self._add_param,
             "ODOM": lambda words: self.odom.append(_pose_row(words)),
             "TRUEPOS": lambda words: self.truth.append(_pose_row(words)),
             message: laser,
@@ -132,34 +134,34 @@ class Lines:
             return default
         return value if math.isfinite(value) and value > 0.0 else default
 
-    def _param(self, words: list[str]) -> None:
+    def _add_param(self, words: list[str]) -> None:
         if len(words) > 2:  # a parameter can be empty
             self.params[words[1]] = words[2]
 
-    def _old_laser(self, words: list[str]) -> None:
+    def _add_flaser(self, words: list[str]) -> None:
         """FLASER n r1..rn laser pose, robot pose.
 
         The lines do not tell the angles: the parameters do, or else 180 degrees it is.
         """
         n = int(words[1])
-        _expect(n >= 1 and len(words) == 2 + n + 6 + N_TAIL_WORDS)
+        _expect(n >= 1 and len(words) == 2 + n + 6 + N_TRAILING_WORDS)
         usual = 180.0 / max(n - n % 2, 1)  # as a SICK's 180, 181, 360 or 361
         step = self.number("laser_front_laser_resolution", usual)
         if step * (n - 1) > 360.0:  # the parameter is of another laser
             step = usual
         first = -90.0 if step == usual else -0.5 * step * (n - 1)
-        high = self.number("robot_front_laser_max", RANGE_MAX)
-        geometry = Laser(math.radians(first), math.radians(step), n, RANGE_MIN, high)
-        self._take(words, words[2 : 2 + n], geometry, _numbers(words[2 + n : 8 + n]))
+        high = self.number("robot_front_laser_max", SICK_RANGE_MAX)
+        geometry = Laser(math.radians(first), math.radians(step), n, SICK_RANGE_MIN, high)
+        self._add_sweep(words, words[2 : 2 + n], geometry, _numbers(words[2 + n : 8 + n]))
 
-    def _new_laser(self, words: list[str]) -> None:
+    def _add_rawlaser(self, words: list[str]) -> None:
         """RAWLASERn and ROBOTLASERn; the number of words tells what stands at their end.
 
         That are remissions, or none, and in a ROBOTLASERn the poses of laser and robot.
         """
         n = int(words[8])
-        _expect(n >= 1 and len(words) >= 9 + n + N_TAIL_WORDS)
-        rest, numbers = words[9 + n : -N_TAIL_WORDS], 11 if words[0].startswith("ROBOT") else 0
+        _expect(n >= 1 and len(words) >= 9 + n + N_TRAILING_WORDS)
+        rest, numbers = words[9 + n : -N_TRAILING_WORDS], 11 if words[0].startswith("ROBOT") else 0
         if len(rest) != numbers:
             remissions = int(rest[0])
             _expect(remissions >= 0 and len(rest) == 1 + remissions + numbers)
@@ -168,12 +170,12 @@ class Lines:
         even = fov / (n - 1) if n > 1 else step
         if step <= 0.0 or abs(step - even) * n < 1e-3:  # six decimals are few for a step
             step = even
-        self._take(words, words[9 : 9 + n], Laser(first, step, n, RANGE_MIN, high), poses)
+        self._add_sweep(words, words[9 : 9 + n], Laser(first, step, n, SICK_RANGE_MIN, high), poses)
 
-    def _take(
+    def _add_sweep(
         self, words: list[str], readings: list[str], geometry: Laser, poses: list[float]
     ) -> None:
-        _expect(usable(geometry))
+        _expect(has_directions(geometry))
         with np.errstate(over="ignore"):  # beyond float32 is nothing seen
             ranges = np.array(readings, np.float64).astype(np.float32)
         self.sweeps.append(Sweep(_stamp(words), ranges, geometry))
@@ -183,12 +185,12 @@ class Lines:
 
 def _pose_row(words: list[str]) -> list[float]:
     """Stamp and first pose of an ODOM or TRUEPOS line."""
-    _expect(len(words) == 7 + N_TAIL_WORDS)
+    _expect(len(words) == 7 + N_TRAILING_WORDS)
     return [_stamp(words), *_numbers(words[1:4])]
 
 
 def _stamp(words: list[str]) -> float:
-    stamp = float(words[-N_TAIL_WORDS])
+    stamp = float(words[-N_TRAILING_WORDS])
     _expect(abs(stamp) < LATEST)
     return stamp
 
@@ -212,7 +214,7 @@ def _mount(lines: Lines, notes: list[str]) -> Pose2:
         return offset
     middle = Pose2(*np.median(np.array(seen), axis=0).tolist())
     apart = np.abs([middle.between(pose) for pose in seen])
-    if np.median(apart, axis=0).max() > RIGID_TOLERANCE:
+    if np.median(apart, axis=0).max() > MOUNT_TOLERANCE:
         notes.append("laser and robot poses do not move together; the laser is taken at the robot")
         return offset
     return middle
@@ -236,13 +238,13 @@ def _track(rows: list[list[float]]) -> TimeSeries | None:
     return TimeSeries(table[:, 0].copy(), table[:, 1:].copy()) if rows else None
 
 
-def _no_return(ranges: Ranges, laser: Laser) -> float:
+def _range_max(ranges: Ranges, laser: Laser) -> float:
     """The range limit: the greatest reading, if it is so frequent that it means nothing seen."""
     readings = ranges[np.isfinite(ranges) & (ranges > 0.0)]
     if not readings.size:
         return laser.range_max
     values, counts = np.unique(readings[readings > 0.8 * readings.max()], return_counts=True)
     others = counts[:-1].max() if len(counts) > 1 else 1
-    if counts[-1] <= NO_RETURN_FREQUENCY * others or values[-1] <= laser.range_min:
+    if counts[-1] <= NO_RETURN_FREQUENCY_RATIO * others or values[-1] <= laser.range_min:
         return laser.range_max
     return min(laser.range_max, float(values[-1]))

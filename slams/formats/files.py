@@ -54,7 +54,7 @@ def check_new(path: str | Path, force: bool) -> None:
 @contextmanager
 def complete_file(path: Path) -> Iterator[Path]:
     """A temporary name of a file that becomes `path` when the block ends without an error."""
-    partial = _beside(path)
+    partial = _partial_path(path)
     try:
         yield partial
         partial.replace(path)
@@ -62,7 +62,7 @@ def complete_file(path: Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
-def _beside(path: Path) -> Path:
+def _partial_path(path: Path) -> Path:
     return path.with_name(f".{path.name}.{platform.node()}.{os.getpid()}.part")
 
 
@@ -79,7 +79,7 @@ def complete_folder(folder: str | Path, stale: Collection[str] = ()) -> Iterator
     folder = Path(folder).resolve()  # "." has no name to put a temporary one beside
     check_folder(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
-    partial = _beside(folder)
+    partial = _partial_path(folder)
     shutil.rmtree(partial, ignore_errors=True)  # of a killed run: process numbers repeat
     partial.mkdir()
     try:

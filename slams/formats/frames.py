@@ -8,23 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from slams.formats.sweep import Mounted
-from slams.ros.attitude import headings, roll_and_pitch, up_of
+from slams.formats.sweep import LaserMount
+from slams.ros.attitude import headings, roll_and_pitch, vertical_of
 from slams.ros.messages import seconds
 from slams.scanlog import TimeSeries
 from slams.types import Floats, Pose2, wrap_angle
 from slams.validation import FAR
 
-RIGID_TOLERANCE = 1e-4  # [m, and of a quaternion] that a transform moves by rounding
-LEVEL = ("base_stabilized", "base_footprint")  # frames that stay level under a tilting base
-BASES = ("base_link", "base_footprint")  # REP 105
-MAX_TILT = math.radians(10.0)  # [rad] out of the plane that is too much
+FIXED_TF_TOLERANCE = 1e-4  # [m, and of a quaternion] that a transform moves by rounding
+LEVEL_FRAMES = ("base_stabilized", "base_footprint")  # frames that stay level under a tilting base
+BASE_FRAMES = ("base_link", "base_footprint")  # REP 105
+MAX_MOUNT_TILT = math.radians(10.0)  # [rad] out of the plane that is too much
 
 Edge = tuple[str, str]  # parent, child
 Row = tuple[float, ...]  # t, x, y, z, qx, qy, qz, qw
 
 
-def bare(frame: str) -> str:
+def without_slash(frame: str) -> str:
     """A frame's name as tf2 has it, without the slash of tf."""
     return frame.lstrip("/")
 
@@ -40,7 +40,7 @@ class Transforms:
         """Take the transforms of a tf message; gives those that are taken."""
         new: dict[Edge, list[Row]] = {}
         for item in message.transforms:
-            edge = bare(item.header.frame_id), bare(item.child_frame_id)
+            edge = without_slash(item.header.frame_id), without_slash(item.child_frame_id)
             p, q = item.transform.translation, item.transform.rotation
             row = (seconds(item.header.stamp), p.x, p.y, p.z, q.x, q.y, q.z, q.w)
             if edge[0] != edge[1] and all(abs(value) < FAR for value in row[1:]):
@@ -57,12 +57,12 @@ class Transforms:
 
     def ancestors(self, frame: str, rigid: bool = True) -> list[str]:
         """Frames the frame is fixed to, or sits or moves in, from itself up the tree."""
-        found = [bare(frame)]
-        while (edge := self._above(found[-1], rigid)) and edge[0] not in found:
+        found = [without_slash(frame)]
+        while (edge := self._parent_edge(found[-1], rigid)) and edge[0] not in found:
             found.append(edge[0])
         return found
 
-    def fixed(self, base: str | None, frame: str | None) -> Floats | None:
+    def fixed_transform(self, base: str | None, frame: str | None) -> Floats | None:
         """The frame in base, 4 x 4, if both are known and rigidly fixed to each other."""
         if base is None or frame is None:
             return None
@@ -72,7 +72,7 @@ class Transforms:
 
     def imu_axes(self, base: str | None, frame: str, notes: list[str]) -> Floats | None:
         """From the axes of an IMU to the base's, (3, 3); None, noted, where tf lacks its frame."""
-        matrix = self.fixed(base, frame)
+        matrix = self.fixed_transform(base, frame)
         if matrix is None:
             notes.append(f"no transform to the gyro's frame '{frame}'; it is taken as upright")
         return None if matrix is None else matrix[:3, :3]
@@ -83,24 +83,24 @@ class Transforms:
         `moving` is the frame that the odometry is of and comes first, then base_link and
         base_footprint (REP 105), in any namespace.
         """
-        if moving and self.fixed(moving, laser) is not None:
-            return bare(moving)
+        if moving and self.fixed_transform(moving, laser) is not None:
+            return without_slash(moving)
         above = self.ancestors(laser)
-        usual = [name for base in BASES for name in above if name.rpartition("/")[2] == base]
+        usual = [name for base in BASE_FRAMES for name in above if name.rpartition("/")[2] == base]
         return usual[0] if usual else None
 
-    def moving(self, parent: str, frame: str) -> TimeSeries | None:
+    def poses_in(self, parent: str, frame: str) -> TimeSeries | None:
         """The frame's planar pose in a frame above it, at the stamps of the quickest transform.
 
         The other transforms are interpolated, never extrapolated: x and y linearly, the heading
         the short way round. One that never changes holds at all times.
         """
-        above, parent = self.ancestors(frame, rigid=False), bare(parent)
+        above, parent = self.ancestors(frame, rigid=False), without_slash(parent)
         if parent not in above[1:]:
             return None
         down = above[above.index(parent) :: -1]
         chain = list(pairwise(down))
-        tracks = [_planar_track(self.samples[edge]) for edge in chain]
+        tracks = [_planar_poses(self.samples[edge]) for edge in chain]
         alive = [k for k, edge in enumerate(chain) if not self.is_fixed(edge)]
         clock = max(alive or range(len(chain)), key=lambda k: len(np.unique(tracks[k].t)))
         t = tracks[clock].t
@@ -115,18 +115,18 @@ class Transforms:
 
         None where the two do not move against each other.
         """
-        edge = self.leveled(base)
+        edge = self.level_edge(base)
         if edge is None or self.is_fixed(edge):
             return None
         rows = self.samples[edge]
         return TimeSeries(np.array([row[0] for row in rows]), attitudes_of(rows))
 
-    def leveled(self, base: str) -> Edge | None:
+    def level_edge(self, base: str) -> Edge | None:
         """The transform from a level frame right above the base, if there is one."""
-        edge = self._above(bare(base), rigid=False)
-        return edge if edge and edge[0].rpartition("/")[2] in LEVEL else None
+        edge = self._parent_edge(without_slash(base), rigid=False)
+        return edge if edge and edge[0].rpartition("/")[2] in LEVEL_FRAMES else None
 
-    def _above(self, frame: str, rigid: bool) -> Edge | None:
+    def _parent_edge(self, frame: str, rigid: bool) -> Edge | None:
         edges = [edge for edge in self.samples if edge[1] == frame]
         edges = [edge for edge in edges if self.is_fixed(edge)] if rigid else edges
         return edges[0] if edges else None
@@ -136,7 +136,7 @@ class Transforms:
         rows = self.samples[edge]
         if edge in self.static:
             return True
-        return bool(np.ptp(np.array(rows)[:, 1:], axis=0).max() < RIGID_TOLERANCE)
+        return bool(np.ptp(np.array(rows)[:, 1:], axis=0).max() < FIXED_TF_TOLERANCE)
 
     def _to_root(self, frame: str) -> dict[str, Floats]:
         """The frame in each of its rigid ancestors."""
@@ -149,18 +149,18 @@ class Transforms:
 
 def attitudes_of(rows: list[Row]) -> Floats:
     """Roll and pitch (n, 2) [rad] of the samples of a transform from a level frame."""
-    return roll_and_pitch(up_of(np.array(rows)[:, 4:]))
+    return roll_and_pitch(vertical_of(np.array(rows)[:, 4:]))
 
 
-def planar(matrix: Floats, what: str, notes: list[str]) -> Mounted:
+def planar(matrix: Floats, what: str, notes: list[str]) -> LaserMount:
     """A pose in space as one in the plane, whether it stands on its head, and its height."""
     upright = float(np.clip(matrix[2, 2], -1.0, 1.0))
     tilt = min(math.acos(upright), math.pi - math.acos(upright))
-    if tilt > MAX_TILT:
+    if tilt > MAX_MOUNT_TILT:
         notes.append(f"{what} is tilted by {math.degrees(tilt):.0f} degrees; it is taken as level")
     yaw = math.atan2(matrix[1, 0], matrix[0, 0])
     x, y, z = matrix[:3, 3].tolist()
-    return Mounted(Pose2(x, y, yaw), upright < 0.0, z)
+    return LaserMount(Pose2(x, y, yaw), upright < 0.0, z)
 
 
 def composed(a: Floats, b: Floats) -> Floats:
@@ -172,7 +172,7 @@ def composed(a: Floats, b: Floats) -> Floats:
     return poses
 
 
-def _planar_track(rows: list[Row]) -> TimeSeries:
+def _planar_poses(rows: list[Row]) -> TimeSeries:
     table = np.array(rows, np.float64)
     return TimeSeries(table[:, 0].copy(), np.column_stack([table[:, 1:3], headings(table[:, 4:])]))
 

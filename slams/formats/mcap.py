@@ -19,19 +19,19 @@ from typing import Any, Self
 import numpy as np
 
 from slams.ros.maker import Maker
-from slams.ros.messages import MAP, PATH, POSE, SCAN, TF, store
+from slams.ros.messages import MAP_TYPE, PATH_TYPE, POSE_TYPE, SCAN_TYPE, TF_TYPE, typestore
 from slams.scanlog import ScanLog
 from slams.types import Floats, OccupancyGrid, Pose2
 
-MAP_FRAME, BASE, LASER = "map", "base_link", "laser"
-LAST_STAMP = 2.0**31  # [s], as much as a ROS time holds
-TOPICS = {  # types, and whether the last message stays for later subscribers
-    "/map": (MAP, True),
-    "/path": (PATH, True),
-    "/tf_static": (TF, True),
-    "/tf": (TF, False),
-    "/pose": (POSE, False),
-    "/scan": (SCAN, False),
+MAP_FRAME, DEFAULT_BASE_FRAME, DEFAULT_LASER_FRAME = "map", "base_link", "laser"
+MAX_ROS_STAMP = 2.0**31  # [s], as much as a ROS time holds
+RESULT_TOPICS = {  # types, and whether the last message stays for later subscribers
+    "/map": (MAP_TYPE, True),
+    "/path": (PATH_TYPE, True),
+    "/tf_static": (TF_TYPE, True),
+    "/tf": (TF_TYPE, False),
+    "/pose": (POSE_TYPE, False),
+    "/scan": (SCAN_TYPE, False),
 }
 
 
@@ -45,10 +45,10 @@ def write_mcap(path: str | Path, log: ScanLog, poses: Floats, grid: OccupancyGri
     """
     make, stamps = Maker(), stamps_of(log.t)
     base, laser = frames_of(log.meta)
-    with McapFile(path, TOPICS) as file:
+    with McapFile(path, RESULT_TOPICS) as file:
 
         def put(topic: str, stamp: int, message: Any) -> None:
-            file.write(topic, stamp, store().serialize_cdr(message, TOPICS[topic][0]))
+            file.write(topic, stamp, typestore().serialize_cdr(message, RESULT_TOPICS[topic][0]))
 
         put("/map", stamps[0], make.grid(stamps[0], grid, MAP_FRAME))
         put("/path", stamps[0], make.path(stamps, poses, MAP_FRAME))
@@ -89,7 +89,7 @@ class McapFile:
             self._writer.open()
             self._connections = {
                 topic: self._writer.add_connection(
-                    topic, kind, typestore=store(), offered_qos_profiles=[_qos(stays)]
+                    topic, kind, typestore=typestore(), offered_qos_profiles=[_qos(stays)]
                 )
                 for topic, (kind, stays) in topics.items()
             }
@@ -139,10 +139,13 @@ def frames_of(meta: dict[str, Any]) -> tuple[str, str]:
     """Base and laser as the log calls them; by their usual names where it does not tell."""
     source = meta.get("source")
     named = source if isinstance(source, dict) else {}
-    laser = _frame(named.get("laser_frame"), LASER)
-    base = _frame(named.get("base_frame"), BASE)
+    laser = _frame(named.get("laser_frame"), DEFAULT_LASER_FRAME)
+    base = _frame(named.get("base_frame"), DEFAULT_BASE_FRAME)
     if base == laser:  # the laser was taken as the base
-        base, laser = BASE, LASER if laser == BASE else laser
+        base, laser = (
+            DEFAULT_BASE_FRAME,
+            DEFAULT_LASER_FRAME if laser == DEFAULT_BASE_FRAME else laser,
+        )
     return base, laser
 
 
@@ -152,7 +155,7 @@ def _frame(name: Any, usual: str) -> str:
 
 def stamps_of(t: Floats) -> list[int]:
     """Stamps [ns]; counted from the first scan where a ROS time cannot hold them."""
-    if t.min() < 0.0 or t.max() >= LAST_STAMP:
+    if t.min() < 0.0 or t.max() >= MAX_ROS_STAMP:
         t = t - t.min()
     nanoseconds: list[int] = np.round(t * 1e9).astype(np.int64).tolist()
     return nanoseconds

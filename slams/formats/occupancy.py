@@ -14,7 +14,7 @@ from slams.formats import yaml_file
 from slams.types import Floats, OccupancyGrid
 
 OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196  # 205 = unknown must not load as free
-FREE, OCCUPIED, UNKNOWN = 254, 0, 205
+FREE_GRAY, OCCUPIED_GRAY, UNKNOWN_GRAY = 254, 0, 205
 PATH_COLOR, START_COLOR = (60, 76, 231), (96, 174, 39)  # red, green in OpenCV's order
 
 Pixels = NDArray[np.uint8]
@@ -55,19 +55,19 @@ def read_map(path: str | Path, notes: list[str] | None = None) -> OccupancyGrid:
         ValueError: the yaml is not a map's, or its map is turned or not trinary.
     """
     path = Path(path)
-    head = _head(path)
+    head = _read_head(path)
     if not (path.parent / head.image).is_file():
         raise FileNotFoundError(f"{path}: there is no such picture as {head.image} beside it")
     image = _read_image(path.parent / head.image)
     shade = image / 255.0
     p = _trinary(shade if head.negate else 1.0 - shade, head.occupied, head.free)
-    unknown = image == (255 - UNKNOWN if head.negate else UNKNOWN)
-    if head.free > (255 - UNKNOWN) / 255.0 and unknown.any():
+    unknown = image == (255 - UNKNOWN_GRAY if head.negate else UNKNOWN_GRAY)
+    if head.free > (255 - UNKNOWN_GRAY) / 255.0 and unknown.any():
         p[unknown] = np.nan  # the trap of nav2's old threshold 0.25
         if notes is not None:
             notes.append(
                 f"{path}: free_thresh {head.free:g} would make the gray of unknown cells "
-                f"({UNKNOWN}) free; they are taken as unknown all the same"
+                f"({UNKNOWN_GRAY}) free; they are taken as unknown all the same"
             )
     return OccupancyGrid(p[::-1].astype(np.float32), head.resolution, head.origin)
 
@@ -83,7 +83,7 @@ def read_picture(path: str | Path) -> NDArray[np.float32]:
     return p[::-1].astype(np.float32)
 
 
-class Head(NamedTuple):
+class MapHead(NamedTuple):
     """The entries of a map's yaml."""
 
     image: str
@@ -94,7 +94,7 @@ class Head(NamedTuple):
     free: float
 
 
-def _head(path: Path) -> Head:
+def _read_head(path: Path) -> MapHead:
     entries = yaml_file.parse(yaml_file.read_text(path), path)
     known: dict[str, Any] = entries if isinstance(entries, dict) else {}
     missing = [key for key in ("image", "resolution", "origin") if key not in known]
@@ -104,7 +104,7 @@ def _head(path: Path) -> Head:
         raise ValueError(f"{path}: mode: got {known['mode']}, expected trinary; save it as such")
     try:
         x, y, yaw = (float(value) for value in [*known["origin"], 0.0][:3])
-        head = Head(
+        head = MapHead(
             str(known["image"]),
             float(known["resolution"]),
             (x, y),
@@ -131,9 +131,9 @@ def _trinary(occupancy: Floats, occupied: float, free: float) -> Floats:
 
 def trinary(grid: OccupancyGrid) -> Pixels:
     """The map as map_server's grays, row 0 on top: free 254, occupied 0, unknown 205."""
-    pixels = np.full(grid.p.shape, UNKNOWN, np.uint8)
-    pixels[grid.p > 0.5] = OCCUPIED
-    pixels[grid.p < 0.5] = FREE
+    pixels = np.full(grid.p.shape, UNKNOWN_GRAY, np.uint8)
+    pixels[grid.p > 0.5] = OCCUPIED_GRAY
+    pixels[grid.p < 0.5] = FREE_GRAY
     return pixels[::-1].copy()
 
 
@@ -144,7 +144,7 @@ def picture(grid: OccupancyGrid, poses: Floats | None = None, least: int = 900) 
     """
     import cv2
 
-    gray = np.where(np.isnan(grid.p), UNKNOWN, 255.0 * (1.0 - grid.p)).astype(np.uint8)[::-1]
+    gray = np.where(np.isnan(grid.p), UNKNOWN_GRAY, 255.0 * (1.0 - grid.p)).astype(np.uint8)[::-1]
     factor = max(1, round(least / max(gray.shape)))
     large = gray.repeat(factor, axis=0).repeat(factor, axis=1)
     image = np.ascontiguousarray(np.stack([large] * 3, axis=2))

@@ -49,7 +49,7 @@ class DamagedError(ValueError):
 
 
 @contextmanager
-def named(paths: Sequence[Path]) -> Iterator[None]:
+def name_in_errors(paths: Sequence[Path]) -> Iterator[None]:
     """While files of one log are read: the sentence of a refusal begins with the name of one."""
     try:
         yield

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from slams.formats import carmen, recording, trajectory
-from slams.formats.kind import BAGS, kind_of
-from slams.formats.options import SourceOptions, named
+from slams.formats.kind import BAG_KINDS, kind_of
+from slams.formats.options import SourceOptions, name_in_errors
 from slams.scanlog import ScanLog, load_npz
 from slams.validation import expect
 
-FAMILY = {"npz": "an npz file", "carmen": "a CARMEN log"}
-NOT_IN = {  # options that say nothing about a kind
+KIND_TITLES = {"npz": "an npz file", "carmen": "a CARMEN log"}
+OPTIONS_WITHOUT_EFFECT = {  # options that say nothing about a kind
     "npz": ("scan_topic", "odom", "imu", "base_frame", "salvage"),
     "carmen": ("imu", "base_frame"),
 }
@@ -47,20 +47,22 @@ def load(
         if its_kind == "other":
             empty = "" if item.stat().st_size else "empty; "
             raise ValueError(f"{item}: {empty}not an npz file, a ROS bag or a CARMEN log")
-        if len(paths) > 1 and its_kind not in BAGS:
+        if len(paths) > 1 and its_kind not in BAG_KINDS:
             raise ValueError(f"{item}: is no bag; of several files only bags make one log")
     kind, one = kinds[0], f"one: {paths[0]} is no bag"
-    expect(kind in BAGS or not options.more_scan_topics, "--scan-topic", "several", one)
-    with named(paths):
+    expect(kind in BAG_KINDS or not options.more_scan_topics, "--scan-topic", "several", one)
+    with name_in_errors(paths):
         log = _with_truth(paths, kind, options)
-        pace = _pace(log)
-    return _noted(log, [*log.notes, *_left_aside(kind, options), *_uncovered(log), *pace])
+        pace = _slow_scans(log)
+    return _with_notes(
+        log, [*log.notes, *_options_without_effect(kind, options), *_uncovered_scans(log), *pace]
+    )
 
 
 def _with_truth(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog:
     """The log with the truth of a trajectory file if one is given; bags have other truths, too."""
     wanted = options.truth
-    if wanted is None or (kind in BAGS and not trajectory.is_file(wanted)):
+    if wanted is None or (kind in BAG_KINDS and not trajectory.is_file(wanted)):
         return _read(paths, kind, options)
     log = replace(_read(paths, kind, replace(options, truth="none")), truth=None)
     if wanted == "none":
@@ -72,7 +74,7 @@ def _with_truth(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog
 
 
 def _read(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog:
-    if kind in BAGS:
+    if kind in BAG_KINDS:
         return recording.read(paths, options, recording.Recording.log)
     if kind == "carmen":
         return carmen.read(paths[0], options)
@@ -82,7 +84,7 @@ def _read(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog:
     return replace(log, **hidden) if hidden else log
 
 
-def _noted(log: ScanLog, notes: list[str]) -> ScanLog:
+def _with_notes(log: ScanLog, notes: list[str]) -> ScanLog:
     """The log with its notes, in its meta behind those of an earlier conversion."""
     earlier = log.meta.get("notes")
     kept = [note for note in earlier if note not in notes] if isinstance(earlier, list) else []
@@ -90,14 +92,18 @@ def _noted(log: ScanLog, notes: list[str]) -> ScanLog:
     return replace(log, notes=tuple(notes), meta=meta) if notes else log
 
 
-def _left_aside(kind: str, options: SourceOptions) -> list[str]:
+def _options_without_effect(kind: str, options: SourceOptions) -> list[str]:
     """Tell of options that were given and say nothing about this kind of log."""
-    names = [n for n in NOT_IN.get(kind, ()) if getattr(options, n) not in (None, False, "none")]
+    names = [
+        n
+        for n in OPTIONS_WITHOUT_EFFECT.get(kind, ())
+        if getattr(options, n) not in (None, False, "none")
+    ]
     flags = ", ".join(f"--{name.replace('_', '-')}" for name in names)
-    return [f"{flags}: nothing to choose in {FAMILY[kind]}"] if names else []
+    return [f"{flags}: nothing to choose in {KIND_TITLES[kind]}"] if names else []
 
 
-def _pace(log: ScanLog) -> list[str]:
+def _slow_scans(log: ScanLog) -> list[str]:
     """Tell of stamps that go forward in another unit than seconds, as counts from 0 can."""
     period = log.scan_period
     expect(period < MAX_SCAN_PERIOD, "t", f"a scan every {period:g} s", "seconds")
@@ -106,7 +112,7 @@ def _pace(log: ScanLog) -> list[str]:
     return [f"a scan every {period:g} s; milliseconds? the stamps of a log are seconds"]
 
 
-def _uncovered(log: ScanLog) -> list[str]:
+def _uncovered_scans(log: ScanLog) -> list[str]:
     """Tell of tracks that do not reach over the scans."""
     tracks = {"odometry": log.odom, "the truth": log.truth, "the yaw rate": log.yaw_rate}
     notes = []

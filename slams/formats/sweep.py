@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 from slams.types import Floats, Laser, Pose2, Ranges
 from slams.validation import LONGEST_RANGE
 
-DIRECTION_TOLERANCE = 0.01  # directions that differ by less than this part of a step are the same
+BEAM_DIRECTION_TOLERANCE = (
+    0.01  # directions that differ by less than this part of a step are the same
+)
 
 
-def usable(geometry: Laser) -> bool:
+def has_directions(geometry: Laser) -> bool:
     """Whether beams have directions: a step that is one, from an angle that is one."""
     turning = 1e-6 < abs(geometry.angle_increment) < 7.0 or geometry.n_beams == 1
     return geometry.n_beams > 0 and turning and abs(geometry.angle_min) < 100.0
@@ -34,7 +36,7 @@ class Sweep(NamedTuple):
     geometry: Laser
 
 
-class Mounted(NamedTuple):
+class LaserMount(NamedTuple):
     """Where a laser sits: its pose in the base, whether it is upside down, its height z [m]."""
 
     mount: Pose2
@@ -42,7 +44,7 @@ class Mounted(NamedTuple):
     z: float = 0.0
 
 
-class Fan(NamedTuple):
+class LaserScans(NamedTuple):
     """All sweeps of one laser: stamps (n,) [s], ranges (n, b) [m], its geometry and mount."""
 
     t: Floats
@@ -50,7 +52,7 @@ class Fan(NamedTuple):
     laser: Laser
 
 
-def merged(fans: Sequence[Fan]) -> tuple[Floats, Ranges, NDArray[np.intp] | None]:
+def merged(fans: Sequence[LaserScans]) -> tuple[Floats, Ranges, NDArray[np.intp] | None]:
     """Stamps (n,), ranges (n, b) and numbers of lasers (n,), in the order of stamps.
 
     The scans of a single laser stay in the order of the file, without numbers.
@@ -66,7 +68,7 @@ def merged(fans: Sequence[Fan]) -> tuple[Floats, Ranges, NDArray[np.intp] | None
     return t[order], np.concatenate(wide)[order], np.repeat(np.arange(len(fans)), sizes)[order]
 
 
-def common(sweeps: Sequence[Sweep], mounted: Mounted, notes: list[str]) -> Fan:
+def common_geometry(sweeps: Sequence[Sweep], mounted: LaserMount, notes: list[str]) -> LaserScans:
     """All sweeps, in the most common geometry.
 
     A sweep of another geometry gives each direction its nearest reading, at most half a step away.
@@ -98,7 +100,7 @@ def common(sweeps: Sequence[Sweep], mounted: Mounted, notes: list[str]) -> Fan:
         mount_z=mounted.z,
         time_increment=_time_increment(geometry, t, notes),
     )
-    return Fan(t, rows, laser)
+    return LaserScans(t, rows, laser)
 
 
 def _most_common(sweeps: Sequence[Sweep]) -> Laser:
@@ -117,7 +119,7 @@ def same_directions(a: Laser, b: Laser) -> bool:
     """Whether the beams of both point the same way, drivers' rounding of angles set aside."""
     if a.n_beams != b.n_beams:
         return False
-    tolerance = DIRECTION_TOLERANCE * abs(b.angle_increment)
+    tolerance = BEAM_DIRECTION_TOLERANCE * abs(b.angle_increment)
     spread = (a.n_beams - 1) * abs(a.angle_increment - b.angle_increment)
     return abs(a.angle_min - b.angle_min) <= tolerance and spread <= tolerance
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from slams.formats.bag import Topic
 from slams.formats.options import SourceOptions
 from slams.params import MAX_LASERS
-from slams.ros.messages import IMU, ODOMETRY, POSES, SCANS, TRUTHS
+from slams.ros.messages import IMU_TYPE, ODOMETRY_TYPE, POSE_TYPES, SCAN_TYPES, TRUTH_TYPES
 from slams.validation import expect
 
 MAX_LISTED_NAMES = 12  # names that a sentence lists
@@ -37,7 +37,7 @@ class Roles:
         return [topic for topic in self.found if topic.msgtype in types]
 
     def _scan_topics(self) -> tuple[str, ...]:
-        found, options = self.of(SCANS), self.options
+        found, options = self.of(SCAN_TYPES), self.options
         if options.scan_topic is not None:
             wanted = (options.scan_topic, *options.more_scan_topics)
             names = [self._named(one, found, "--scan-topic", "laser scans") for one in wanted]
@@ -49,7 +49,7 @@ class Roles:
             names = [f"{topic.name} ({topic.msgtype}, {topic.messages})" for topic in self.found]
             raise ValueError(
                 "no laser scans; expected sensor_msgs/LaserScan or MultiEchoLaserScan; its topics: "
-                f"{some(names)}"
+                f"{shortened(names)}"
             )
         return (name,)
 
@@ -57,8 +57,8 @@ class Roles:
         """The topic asked for, if it is one; else the only one that calls itself truth."""
         wanted = self.options.truth
         if wanted is not None:
-            return match(wanted, self.of(POSES))
-        named = [topic.name for topic in self.of(TRUTHS) if "truth" in topic.name.lower()]
+            return match(wanted, self.of(POSE_TYPES))
+        named = [topic.name for topic in self.of(TRUTH_TYPES) if "truth" in topic.name.lower()]
         if len(named) != 1:
             return None
         self.notes.append(f"{named[0]} is taken as the truth (--truth none does without)")
@@ -66,7 +66,7 @@ class Roles:
 
     def _odom_topic(self) -> str | None:
         """The topic asked for, if it is one; else the only one."""
-        found, wanted = self.of((ODOMETRY,)), self.options.odom
+        found, wanted = self.of((ODOMETRY_TYPE,)), self.options.odom
         if wanted is not None:
             return match(wanted, found)
         found = [topic for topic in found if topic.name != self.truth]
@@ -74,26 +74,26 @@ class Roles:
 
     def _imu_topic(self) -> str | None:
         """The topic asked for or the only one; the gyro is no need, so several are none."""
-        found, wanted = self.of((IMU,)), self.options.imu
+        found, wanted = self.of((IMU_TYPE,)), self.options.imu
         if wanted == "none":
             return None
         if wanted is not None:
             return self._named(wanted, found, "--imu", "IMU messages")
         if len(found) > 1:
             self.notes.append(
-                f"{len(found)} IMU topics, none is used; --imu picks one: {listed(found)}"
+                f"{len(found)} IMU topics, none is used; --imu picks one: {topic_list(found)}"
             )
         return found[0].name if len(found) == 1 else None
 
     def _named(self, wanted: str, found: Sequence[Topic], flag: str, what: str) -> str:
         name = match(wanted, found)
         if name is None:
-            raise ValueError(f"{flag}: no {what} on {wanted}; there are: {listed(found)}")
+            raise ValueError(f"{flag}: no {what} on {wanted}; there are: {topic_list(found)}")
         return name
 
     def _only(self, found: Sequence[Topic], what: str, way_out: str) -> str | None:
         if len(found) > 1:
-            raise ValueError(f"{len(found)} {what}, {way_out}: {listed(found)}")
+            raise ValueError(f"{len(found)} {what}, {way_out}: {topic_list(found)}")
         return found[0].name if found else None
 
 
@@ -103,12 +103,12 @@ def match(wanted: str, found: Sequence[Topic]) -> str | None:
     return next((name for name in (wanted, f"/{wanted}") if name in names), None)
 
 
-def listed(found: Sequence[Topic]) -> str:
+def topic_list(found: Sequence[Topic]) -> str:
     """Topics with how many messages they have."""
-    return some([f"{topic.name} ({topic.messages})" for topic in found])
+    return shortened([f"{topic.name} ({topic.messages})" for topic in found])
 
 
-def some(names: Sequence[str]) -> str:
+def shortened(names: Sequence[str]) -> str:
     """The first names of a list, and how many more there are; or none."""
     more = f" and {len(names) - MAX_LISTED_NAMES} more" if len(names) > MAX_LISTED_NAMES else ""
     return (", ".join(names[:MAX_LISTED_NAMES]) or "none") + more

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from slams.formats import recording
-from slams.formats.kind import BAGS, is_bag_folder, kind_of
+from slams.formats.kind import BAG_KINDS, is_bag_folder, kind_of
 from slams.formats.options import SourceOptions
 from slams.formats.packed import text_of
 from slams.ros.attitude import headings
@@ -16,8 +16,8 @@ from slams.scanlog import TimeSeries
 from slams.types import Floats
 from slams.validation import expect
 
-TUM = "t x y z qx qy qz qw"  # columns [s, m]
-MAX_DISORDER = 0.1  # share of stamps before the one ahead of them that is still a recording
+TUM_COLUMNS = "t x y z qx qy qz qw"  # columns [s, m]
+MAX_DISORDER_SHARE = 0.1  # share of stamps before the one ahead of them that is still a recording
 MIN_QUATERNION_NORM = 1e-6  # of a quaternion that is a rotation
 
 
@@ -34,7 +34,7 @@ def write_tum(path: str | Path, t: Floats, poses: Floats) -> None:
     table = np.column_stack(
         [t, poses[:, 0], poses[:, 1], zero, zero, zero, np.sin(half), np.cos(half)]
     )
-    np.savetxt(path, table, fmt="%.9f", header=TUM)
+    np.savetxt(path, table, fmt="%.9f", header=TUM_COLUMNS)
 
 
 def read_trajectory(
@@ -70,12 +70,12 @@ def read_trajectory(
     name, options = str(spec), options or SourceOptions()
     if is_file(name):
         return _in_order(name, read_track(Path(name), options.salvage))
-    if log_path is None or kind_of(Path(log_path)) not in BAGS:
+    if log_path is None or kind_of(Path(log_path)) not in BAG_KINDS:
         what = "a directory without a bag" if Path(name).is_dir() else "no such file"
         log = "without a bag there are" if log_path is None else f"{log_path} is no bag, it has"
         raise FileNotFoundError(f"{name}: {what}; {log} no topics and frames")
     options = replace(options, truth=name, imu="none")
-    track = recording.read([Path(log_path)], options, recording.Recording.track)
+    track = recording.read([Path(log_path)], options, recording.Recording.poses)
     return _in_order(f"{log_path}: {name}", track)
 
 
@@ -88,10 +88,10 @@ def read_track(path: Path, salvage: bool = False) -> TimeSeries:
     """
     kind = kind_of(path)
     expect(kind != "npz", f"{path}", "an npz file", "a trajectory: TUM or a bag")
-    if kind not in BAGS:
+    if kind not in BAG_KINDS:
         return TimeSeries(*read(path))
     options = SourceOptions(odom="none", imu="none", truth="/pose", salvage=salvage)
-    return recording.read([path], options, recording.Recording.track)
+    return recording.read([path], options, recording.Recording.poses)
 
 
 def is_file(spec: str) -> bool:
@@ -119,9 +119,9 @@ def read(path: str | Path) -> tuple[Floats, Floats]:
     try:
         table: Floats = np.loadtxt(rows, ndmin=2)
     except ValueError as error:
-        raise ValueError(f"{path}: not lines of {TUM} ({error})") from error
+        raise ValueError(f"{path}: not lines of {TUM_COLUMNS} ({error})") from error
     columns = table.shape[1]
-    expect(columns == len(TUM.split()), f"{path}", f"{columns} columns", TUM)
+    expect(columns == len(TUM_COLUMNS.split()), f"{path}", f"{columns} columns", TUM_COLUMNS)
     with np.errstate(over="ignore", invalid="ignore"):
         is_rotation = np.linalg.norm(table[:, 4:], axis=1) > MIN_QUATERNION_NORM
         heading = np.where(is_rotation, headings(table[:, 4:]), np.nan)
@@ -138,7 +138,7 @@ def read(path: str | Path) -> tuple[Floats, Floats]:
 def _in_order(what: str, track: TimeSeries) -> TimeSeries:
     """Stamps ascending, the first of equal ones; at least two of them."""
     back = int((np.diff(track.t) < 0.0).sum())
-    if back > MAX_DISORDER * len(track.t):
+    if back > MAX_DISORDER_SHARE * len(track.t):
         raise ValueError(
             f"{what}: {back} of {len(track.t)} stamps lie before the one ahead of them; expected "
             "poses in the order of time"

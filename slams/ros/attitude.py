@@ -6,12 +6,17 @@ import math
 
 import numpy as np
 
-from slams.ros.messages import Inertial
+from slams.ros.messages import ImuReading
 from slams.types import Floats
 
-SETTLING = 2.0  # s over which the accelerometer corrects the gyro: longer than a robot speeds up
-GRAVITY, DISTURBED = 9.81, 1.0  # m/s^2; by how much a measured one is off while a robot is shaken
-OVERHEAD = 1.0  # rad: by more no robot tilts, its IMU is not mounted as the transforms say
+FILTER_TIME_CONSTANT = (
+    2.0  # s over which the accelerometer corrects the gyro: longer than a robot speeds up
+)
+GRAVITY, MAX_GRAVITY_ERROR = (
+    9.81,
+    1.0,
+)  # m/s^2; by how much a measured one is off while a robot is shaken
+MAX_MOUNTED_TILT = 1.0  # rad: by more no robot tilts, its IMU is not mounted as the transforms say
 
 
 class ImuAttitude:
@@ -23,42 +28,49 @@ class ImuAttitude:
         turned: (3, 3), from the IMU's axes to the base's; None: not known, the IMU is upright.
     """
 
-    def __init__(self, turned: Floats | None) -> None:
-        self._turned = turned
-        self._up, self._last = np.zeros(3), math.nan  # the vertical in the IMU's axes; its stamp
+    def __init__(self, rotation: Floats | None) -> None:
+        self._rotation = rotation
+        self._vertical, self._last_stamp = (
+            np.zeros(3),
+            math.nan,
+        )  # the vertical in the IMU's axes; its stamp
 
-    def push(self, measured: Inertial) -> tuple[float, float, float, float]:
+    def push(self, measured: ImuReading) -> tuple[float, float, float, float]:
         """Take a message.
 
         Gives its stamp [s], turn rate about the vertical [rad/s], roll and pitch [rad], nan where
         unknown.
         """
-        if self._turned is None:
-            return measured.sent, measured.rates[2], math.nan, math.nan
+        if self._rotation is None:
+            return measured.stamp, measured.rates[2], math.nan, math.nan
         if math.isfinite(measured.orientation[0]):
-            up = up_of(np.array([measured.orientation]))[0]
+            up = vertical_of(np.array([measured.orientation]))[0]
         else:
             up = self._filtered(measured)
         # plain sums: those of @ are not the same, bit for bit, on every machine
-        of_base, rates = ((self._turned * one).sum(axis=1) for one in (up, measured.rates))
+        of_base, rates = ((self._rotation * one).sum(axis=1) for one in (up, measured.rates))
         roll, pitch = roll_and_pitch(of_base[None])[0].tolist()
-        return measured.sent, vertical_rate(rates, roll, pitch), roll, pitch
+        return measured.stamp, vertical_rate(rates, roll, pitch), roll, pitch
 
-    def _filtered(self, row: Inertial) -> Floats:
+    def _filtered(self, row: ImuReading) -> Floats:
         """The vertical (3,) in the IMU's axes after a message; nan where unknown."""
-        up, force, rates = self._up, np.array(row.acceleration), np.array(row.rates)
+        up, force, rates = self._vertical, np.array(row.acceleration), np.array(row.rates)
         size = math.sqrt(float(force @ force))
-        rests = abs(size - GRAVITY) < DISTURBED
-        dt = 0.0 if math.isnan(self._last) else min(max(row.sent - self._last, 0.0), SETTLING)
-        self._last = row.sent
+        rests = abs(size - GRAVITY) < MAX_GRAVITY_ERROR
+        dt = (
+            0.0
+            if math.isnan(self._last_stamp)
+            else min(max(row.stamp - self._last_stamp, 0.0), FILTER_TIME_CONSTANT)
+        )
+        self._last_stamp = row.stamp
         if up.any() and np.isfinite(rates).all():
             up = up - np.cross(rates, up) * dt
         if rests:
-            up = up + (force / size - up) * (dt / SETTLING if up.any() else 1.0)
+            up = up + (force / size - up) * (dt / FILTER_TIME_CONSTANT if up.any() else 1.0)
         if not up.any():
             return np.full(3, np.nan)
-        self._up = up / math.sqrt(float(up @ up))
-        return self._up
+        self._vertical = up / math.sqrt(float(up @ up))
+        return self._vertical
 
 
 def roll_and_pitch(up: Floats) -> Floats:
@@ -73,12 +85,12 @@ def vertical_rate(rates: Floats, roll: float, pitch: float) -> float:
 
     Without an attitude, nan, or with an impossible one, that about the upright axis.
     """
-    if not max(abs(roll), abs(pitch)) <= OVERHEAD:
+    if not max(abs(roll), abs(pitch)) <= MAX_MOUNTED_TILT:
         roll = pitch = 0.0
     return float((math.sin(roll) * rates[1] + math.cos(roll) * rates[2]) / math.cos(pitch))
 
 
-def up_of(orientation: Floats) -> Floats:
+def vertical_of(orientation: Floats) -> Floats:
     """The vertical (n, 3) seen from bodies of these orientations (n, 4) in a level frame."""
     with np.errstate(invalid="ignore"):
         x, y, z, w = (orientation / np.linalg.norm(orientation, axis=1, keepdims=True)).T

@@ -17,11 +17,11 @@ from xml.etree.ElementTree import Element
 
 from slams.formats import yaml_file
 
-MAX_DEPTH = 50  # groups in each other; launch files have one or two
-MOST_FILLED = 1 << 20  # characters that substitutions put into a launch file
-LONGEST_NUMBER = 100  # characters
-SUBSTITUTION = re.compile(r"\$\((?:arg|var)\s+([^()]*)\)")
-PARAMETERS = "ros__parameters"
+MAX_GROUP_DEPTH = 50  # groups in each other; launch files have one or two
+MAX_SUBSTITUTED_LENGTH = 1 << 20  # characters that substitutions put into a launch file
+MAX_NUMBER_LENGTH = 100  # characters
+SUBSTITUTION_PATTERN = re.compile(r"\$\((?:arg|var)\s+([^()]*)\)")
+ROS2_PARAMETERS_KEY = "ros__parameters"
 
 Leaf = tuple[tuple[str, ...], Any]  # a path of names, from the outside in, and a value
 
@@ -55,21 +55,21 @@ def read_node(path: str | Path, nodes: Iterable[str], known: Iterable[str]) -> N
     text = yaml_file.read_text(path)
     try:
         if text.lstrip().startswith("<"):
-            return _of_launch(text, path, set(nodes))
-        return _of_yaml(text, path, set(nodes), set(known))
+            return _from_launch(text, path, set(nodes))
+        return _from_yaml(text, path, set(nodes), set(known))
     except RecursionError:
         raise ValueError(f"{path}: nested too deeply for a parameter file") from None
 
 
-def _of_yaml(text: str, path: Path, nodes: set[str], known: set[str]) -> NodeParameters:
+def _from_yaml(text: str, path: Path, nodes: set[str], known: set[str]) -> NodeParameters:
     content = yaml_file.parse(text, path)
     if not isinstance(content, dict):
         raise ValueError(f"{path}: expected parameters 'name: value', or a launch file")
-    leaves = _of_node(list(leaves_of(content)), path, nodes, known)
+    leaves = _leaves_of_node(list(leaves_of(content)), path, nodes, known)
     return NodeParameters(by_name(leaves, path))
 
 
-def _of_node(leaves: list[Leaf], path: Path, nodes: set[str], known: set[str]) -> list[Leaf]:
+def _leaves_of_node(leaves: list[Leaf], path: Path, nodes: set[str], known: set[str]) -> list[Leaf]:
     """The leaves below one of the names; without those, the one group with known parameters."""
     named = [leaf for leaf in leaves if nodes & set(leaf[0][:-1])]
     if named:
@@ -87,15 +87,15 @@ def _of_node(leaves: list[Leaf], path: Path, nodes: set[str], known: set[str]) -
 
 
 def _group(names: tuple[str, ...]) -> tuple[str, ...]:
-    if PARAMETERS in names:
-        return names[: names.index(PARAMETERS)]
+    if ROS2_PARAMETERS_KEY in names:
+        return names[: names.index(ROS2_PARAMETERS_KEY)]
     return names[:-1][:1]
 
 
-def _of_launch(text: str, path: Path, nodes: set[str]) -> NodeParameters:
+def _from_launch(text: str, path: Path, nodes: set[str]) -> NodeParameters:
     launch = _Launch(path, nodes)
     try:
-        root = ElementTree.fromstring(text, ElementTree.XMLParser(target=_Tree()))
+        root = ElementTree.fromstring(text, ElementTree.XMLParser(target=_TreeWithoutEntities()))
     except ElementTree.ParseError as error:
         raise ValueError(f"{path}: not a launch file ({error})") from error
     launch.walk(root, {}, ())
@@ -113,7 +113,7 @@ def _of_launch(text: str, path: Path, nodes: set[str]) -> NodeParameters:
     return NodeParameters(by_name(outside, path) | inside, launch.notes, launch.missing)
 
 
-class _Tree(ElementTree.TreeBuilder):
+class _TreeWithoutEntities(ElementTree.TreeBuilder):
     """Builds the tree of a file; one that declares entities is refused before they could grow."""
 
     def doctype(self, *_: object) -> None:
@@ -131,77 +131,84 @@ class _Launch:
         self.missing: list[str] = []
         self._path = path
         self._nodes = nodes
-        self._filled_in = 0
+        self._substituted_length = 0
 
     def walk(self, parent: Element, args: dict[str, str], groups: tuple[str, ...]) -> None:
         """Take the parameters of a `<launch>` or `<group>`; `groups` are namespaces around it."""
-        if len(groups) > MAX_DEPTH:
+        if len(groups) > MAX_GROUP_DEPTH:
             raise ValueError(f"{self._path}: nested too deeply for a launch file")
         for element in parent:
-            if not self._enabled(element, args):
+            if not self._is_enabled(element, args):
                 continue
             if element.tag == "arg" and "name" in element.attrib:
                 self._argument(element, args)
             elif element.tag == "group":
-                namespace = self._filled(element.get("ns", ""), args)
+                namespace = self._substituted(element.get("ns", ""), args)
                 self.walk(element, dict(args), (*groups, namespace))
             elif element.tag == "include":
                 self.notes.append(f"<include {element.get('file', '')}> is not followed")
             elif element.tag == "node":
                 self._node(element, args)
             else:
-                around = parts("/".join(groups))
-                self.outside += [((*around, *n), v) for n, v in self._given(element, args)]
+                around = names_of("/".join(groups))
+                self.outside += [((*around, *n), v) for n, v in self._leaves_of(element, args)]
 
     def _argument(self, element: Element, args: dict[str, str]) -> None:
         text = element.get("value", element.get("default"))
         if text is not None:
-            args[element.attrib["name"]] = self._filled(text, args)
+            args[element.attrib["name"]] = self._substituted(text, args)
 
     def _node(self, element: Element, args: dict[str, str]) -> None:
         keys = ("pkg", "type", "exec")
-        called = {self._filled(element.get(key, ""), args) for key in keys}
+        called = {self._substituted(element.get(key, ""), args) for key in keys}
         if not called & self._nodes:
             self.others.add(element.get("pkg", "?"))
             return
         leaves = [
             leaf
             for child in element
-            if self._enabled(child, args)
-            for leaf in self._given(child, args, inside=True)
+            if self._is_enabled(child, args)
+            for leaf in self._leaves_of(child, args, inside=True)
         ]
-        self.found.append((self._filled(element.get("name", ""), args), leaves))
+        self.found.append((self._substituted(element.get("name", ""), args), leaves))
 
-    def _given(self, element: Element, args: dict[str, str], inside: bool = False) -> list[Leaf]:
+    def _leaves_of(
+        self, element: Element, args: dict[str, str], inside: bool = False
+    ) -> list[Leaf]:
         """Leaves of one `<param>` or `<rosparam>`, `inside` the node or around it."""
         if element.tag not in ("param", "rosparam"):
             return []
         if (command := element.get("command", "load")) != "load":
-            self.notes.append(f"command {self._filled(command, args)!r} is not run")
+            self.notes.append(f"command {self._substituted(command, args)!r} is not run")
             return []
         if file := element.get("file") or element.get("from"):
-            name = self._filled(file, args)
+            name = self._substituted(file, args)
             if inside:
                 self.missing.append(name)
             else:
                 self.notes.append(f"{name} is another file; give it, too, if it matters")
             return []
         if element.tag == "param" and "name" in element.attrib:
-            value = self._filled(element.get("value", ""), args)
-            return [(parts(self._filled(element.attrib["name"], args)), _scalar(value, self._path))]
+            value = self._substituted(element.get("value", ""), args)
+            return [
+                (
+                    names_of(self._substituted(element.attrib["name"], args)),
+                    _scalar(value, self._path),
+                )
+            ]
         if element.tag != "rosparam":
             return []
-        content = yaml_file.parse(self._filled(element.text or "", args), self._path)
-        names = parts(f"{element.get('ns', '')}/{element.get('param', '')}")
+        content = yaml_file.parse(self._substituted(element.text or "", args), self._path)
+        names = names_of(f"{element.get('ns', '')}/{element.get('param', '')}")
         if isinstance(content, dict):
             return [((*names, *leaf), value) for leaf, value in leaves_of(content)]
         return [(names, content)] if names else []
 
-    def _enabled(self, element: Element, args: dict[str, str]) -> bool:
+    def _is_enabled(self, element: Element, args: dict[str, str]) -> bool:
         for key, wanted in (("if", True), ("unless", False)):
             if key not in element.attrib:
                 continue
-            text = self._filled(element.attrib[key], args).strip().lower()
+            text = self._substituted(element.attrib[key], args).strip().lower()
             if text not in ("true", "false", "1", "0"):
                 self.notes.append(f"<{element.tag} {key}={text!r}> is left out: not understood")
                 return False
@@ -209,22 +216,22 @@ class _Launch:
                 return False
         return True
 
-    def _filled(self, text: str, args: dict[str, str]) -> str:
+    def _substituted(self, text: str, args: dict[str, str]) -> str:
         """`text` with `$(arg x)` and `$(var x)` filled in where known."""
 
         def _value(match: re.Match[str]) -> str:
             value = args.get(match[1].strip(), match[0])
-            self._filled_in += len(value)
-            if self._filled_in > MOST_FILLED:
+            self._substituted_length += len(value)
+            if self._substituted_length > MAX_SUBSTITUTED_LENGTH:
                 raise ValueError(f"{self._path}: its $(arg ...) make it longer than 1 MB")
             return value
 
-        return SUBSTITUTION.sub(_value, text)
+        return SUBSTITUTION_PATTERN.sub(_value, text)
 
 
 def _scalar(text: str, path: Path) -> Any:
     """A value as roslaunch would type it: number, truth or text."""
-    if len(text) > LONGEST_NUMBER:
+    if len(text) > MAX_NUMBER_LENGTH:
         return text
     try:
         value = yaml_file.parse(text, path)
@@ -236,14 +243,14 @@ def _scalar(text: str, path: Path) -> Any:
 def leaves_of(content: dict[Any, Any]) -> Iterator[Leaf]:
     """Every value with its path of names; "a/b" and "a.b" are paths, too."""
     for key, value in content.items():
-        names = parts(str(key))
+        names = names_of(str(key))
         if isinstance(value, dict):
             yield from (((*names, *below), leaf) for below, leaf in leaves_of(value))
         elif names:
             yield names, value
 
 
-def parts(name: str) -> tuple[str, ...]:
+def names_of(name: str) -> tuple[str, ...]:
     """Names from the outside in; "~x" and "~/x" are the node's own x."""
     return tuple(part.lstrip("~") for part in re.split(r"[/.]", name) if part.strip("~"))
 

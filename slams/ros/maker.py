@@ -9,25 +9,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slams.ros.messages import IMU, MAP, ODOMETRY, PATH, POSE, POSE_COV, SCAN, TF, store
+from slams.ros import messages as ros
 from slams.types import Floats, Laser, OccupancyGrid, Pose2, Ranges
 
-UNKNOWN = 1e6  # [m^2, rad^2] a variance that says nothing, as robot_localization writes it
-PLANE = (0, 1, 5)  # x, y and yaw among the six of a ROS covariance
+UNKNOWN_VARIANCE = 1e6  # [m^2, rad^2] a variance that says nothing, as robot_localization writes it
+PLANAR_AXES = (0, 1, 5)  # x, y and yaw among the six of a ROS covariance
 Edge = tuple[str, str, Pose2]  # parent, child, the child in the parent
-STILL = (0.0, 0.0, 0.0)  # a vector
+ZERO_VECTOR = (0.0, 0.0, 0.0)  # a vector
 
 
 class Maker:
     """Makes messages of the library's classes."""
 
     def __init__(self) -> None:
-        self.store = store()
+        self.store = ros.typestore()
 
     def of(self, msgtype: str, *values: Any) -> Any:
         """A message of the values of its fields, where a tuple stands for a message in a field."""
         kinds = [kind for _, kind in self.store.fielddefs[msgtype][1]]
-        filled = [self._filled(*one) for one in zip(kinds, values, strict=True)]
+        filled = [self._field_value(*one) for one in zip(kinds, values, strict=True)]
         return self.store.types[msgtype](*filled)
 
     def grid(self, stamp: int, grid: OccupancyGrid, frame: str) -> Any:
@@ -35,14 +35,14 @@ class Maker:
         ny, nx = grid.p.shape
         info = _time(stamp), grid.resolution, nx, ny, _pose(Pose2(*grid.origin, 0.0))
         header = self._header(stamp, frame)
-        return self.of(MAP, header, info, percent(grid))
+        return self.of(ros.MAP_TYPE, header, info, percent(grid))
 
     def path(self, stamps: list[int], poses: Floats, frame: str) -> Any:
         """All poses."""
         made = self.store.types  # thousands of poses, each of six messages: by hand
         header, time = made["std_msgs/msg/Header"], made["builtin_interfaces/msg/Time"]
         point, turned = made["geometry_msgs/msg/Point"], made["geometry_msgs/msg/Quaternion"]
-        placed, stamped = made["geometry_msgs/msg/Pose"], made[POSE]
+        placed, stamped = made["geometry_msgs/msg/Pose"], made[ros.POSE_TYPE]
         every = [
             stamped(
                 header(time(*_time(stamp)), frame),
@@ -50,38 +50,42 @@ class Maker:
             )
             for stamp, (x, y, theta) in zip(stamps, poses.tolist(), strict=True)
         ]
-        return self.of(PATH, self._header(stamps[0], frame), every)
+        return self.of(ros.PATH_TYPE, self._header(stamps[0], frame), every)
 
     def pose(self, stamp: int, pose: Pose2, frame: str) -> Any:
         """A pose in a frame."""
-        return self.of(POSE, self._header(stamp, frame), _pose(pose))
+        return self.of(ros.POSE_TYPE, self._header(stamp, frame), _pose(pose))
 
-    def posed(self, stamp: int, pose: Pose2, covariance: Floats, frame: str) -> Any:
+    def pose_with_covariance(self, stamp: int, pose: Pose2, covariance: Floats, frame: str) -> Any:
         """A pose with its covariance (3, 3) [m, rad]; what is not finite becomes `UNKNOWN`."""
-        return self.of(POSE_COV, self._header(stamp, frame), _with_covariance(pose, covariance))
+        return self.of(
+            ros.POSE_COV_TYPE, self._header(stamp, frame), _with_covariance(pose, covariance)
+        )
 
     def odometry(self, stamp: int, pose: Pose2, frame: str, child: str) -> Any:
         """A pose as odometry tells it; the speed is left at 0."""
         known = _with_covariance(pose, np.zeros((3, 3)))
-        twist = (STILL, STILL), np.zeros(36)
-        return self.of(ODOMETRY, self._header(stamp, frame), child, known, twist)
+        twist = (ZERO_VECTOR, ZERO_VECTOR), np.zeros(36)
+        return self.of(ros.ODOMETRY_TYPE, self._header(stamp, frame), child, known, twist)
 
     def imu(self, stamp: int, yaw_rate: float, frame: str) -> Any:
         """A gyro's reading about the upright axis [rad/s]; nothing else is known."""
         nothing = np.array([-1.0, *[0.0] * 8])
         oriented = _rotation(0.0), nothing
         turning = (0.0, 0.0, yaw_rate), np.zeros(9)
-        return self.of(IMU, self._header(stamp, frame), *oriented, *turning, STILL, nothing)
+        return self.of(
+            ros.IMU_TYPE, self._header(stamp, frame), *oriented, *turning, ZERO_VECTOR, nothing
+        )
 
     def transforms(self, stamp: int, edges: Sequence[Edge]) -> Any:
         """Frames in others."""
         items = [(self._header(stamp, parent), child, _pose(at)) for parent, child, at in edges]
-        return self.of(TF, items)
+        return self.of(ros.TF_TYPE, items)
 
     def scan(self, stamp: int, frame: str, laser: Laser, ranges: Ranges, period: float) -> Any:
         """A scan as the algorithm got it."""
         return self.of(
-            SCAN,
+            ros.SCAN_TYPE,
             self._header(stamp, frame),
             laser.angle_min,
             laser.angle_min + laser.angle_increment * (laser.n_beams - 1),
@@ -102,10 +106,10 @@ class Maker:
         header = self._header(stamp, "")
         return self.of("diagnostic_msgs/msg/DiagnosticArray", header, [line])
 
-    def _filled(self, kind: Any, value: Any) -> Any:
+    def _field_value(self, kind: Any, value: Any) -> Any:
         """The value of a field whose type is `kind`; a list has several of one type."""
         if isinstance(value, list):
-            return [self._filled(kind[1][0], one) for one in value]
+            return [self._field_value(kind[1][0], one) for one in value]
         return self.of(kind[1], *value) if isinstance(value, tuple) else value
 
     def _header(self, stamp: int, frame: str) -> tuple[Any, ...]:
@@ -126,8 +130,8 @@ def _rotation(theta: float) -> tuple[float, ...]:
 
 def _with_covariance(pose: Pose2, covariance: Floats) -> tuple[Any, ...]:
     whole = np.zeros((6, 6))
-    known = np.where(np.isfinite(covariance), covariance, UNKNOWN * np.eye(3))
-    whole[np.ix_(PLANE, PLANE)] = known
+    known = np.where(np.isfinite(covariance), covariance, UNKNOWN_VARIANCE * np.eye(3))
+    whole[np.ix_(PLANAR_AXES, PLANAR_AXES)] = known
     return _pose(pose), whole.ravel()
 
 

@@ -10,21 +10,25 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 if TYPE_CHECKING:
     from slams.types import Laser, Ranges
 
-SCAN = "sensor_msgs/msg/LaserScan"
-ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
-IMU = "sensor_msgs/msg/Imu"
-ODOMETRY = "nav_msgs/msg/Odometry"
-POSE = "geometry_msgs/msg/PoseStamped"
-POSE_COV = "geometry_msgs/msg/PoseWithCovarianceStamped"
-PATH = "nav_msgs/msg/Path"
-MAP = "nav_msgs/msg/OccupancyGrid"
-TF, OLD_TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
-SCANS, TRUTHS, TFS = (SCAN, ECHOES), (ODOMETRY, POSE, POSE_COV), (TF, OLD_TF)
-POSES = (*TRUTHS, PATH)
-KNOWN = frozenset({*SCANS, *POSES, *TFS, IMU})
+SCAN_TYPE = "sensor_msgs/msg/LaserScan"
+MULTI_ECHO_TYPE = "sensor_msgs/msg/MultiEchoLaserScan"
+IMU_TYPE = "sensor_msgs/msg/Imu"
+ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
+POSE_TYPE = "geometry_msgs/msg/PoseStamped"
+POSE_COV_TYPE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+PATH_TYPE = "nav_msgs/msg/Path"
+MAP_TYPE = "nav_msgs/msg/OccupancyGrid"
+TF_TYPE, OLD_TF_TYPE = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
+SCAN_TYPES, TRUTH_TYPES, TF_TYPES = (
+    (SCAN_TYPE, MULTI_ECHO_TYPE),
+    (ODOMETRY_TYPE, POSE_TYPE, POSE_COV_TYPE),
+    (TF_TYPE, OLD_TF_TYPE),
+)
+POSE_TYPES = (*TRUTH_TYPES, PATH_TYPE)
+READABLE_TYPES = frozenset({*SCAN_TYPES, *POSE_TYPES, *TF_TYPES, IMU_TYPE})
 
 
-class Inertial(NamedTuple):
+class ImuReading(NamedTuple):
     """One message in the IMU's own axes: orientation x, y, z, w, rates, acceleration; nan: none."""
 
     sent: float
@@ -43,7 +47,7 @@ class Record(NamedTuple):
 
 
 @cache
-def store() -> Any:
+def typestore() -> Any:
     """Definitions, classes and CDR of the ROS 2 messages; the standard ones never changed."""
     from rosbags.typesys import Stores, get_typestore
 
@@ -59,20 +63,20 @@ def decoder(ros1: bool) -> Callable[[bytes, str], Any]:
     """
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    types: Any = get_typestore(Stores.ROS1_NOETIC) if ros1 else store()
-    for name in TFS if ros1 else ():
+    types: Any = get_typestore(Stores.ROS1_NOETIC) if ros1 else typestore()
+    for name in TF_TYPES if ros1 else ():
         types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
     decode: Callable[[bytes, str], Any] = types.deserialize_ros1 if ros1 else types.deserialize_cdr
     return decode
 
 
-def _sweep(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
+def _scan_of(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
     """Of several echoes the first of each beam; none means nothing up to range_max."""
     from slams.laser_table import single
     from slams.types import Laser
 
     found = message.ranges
-    if getattr(message, "__msgtype__", SCAN) == ECHOES:
+    if getattr(message, "__msgtype__", SCAN_TYPE) == MULTI_ECHO_TYPE:
         found = [beam.echoes[0] if len(beam.echoes) else math.inf for beam in found]
     ranges = single(found).copy()
     geometry = Laser(
@@ -86,7 +90,7 @@ def _sweep(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
     return getattr(message.header, "frame_id", ""), (ranges, geometry)
 
 
-def inertial(message: Any) -> Inertial:
+def imu_reading(message: Any) -> ImuReading:
     """Of a sensor_msgs/Imu; a covariance of -1 says that there is none.
 
     So does an orientation of zeros or the identity: drivers without one leave it at that, and what
@@ -95,7 +99,7 @@ def inertial(message: Any) -> Inertial:
     q, w, a = message.orientation, message.angular_velocity, message.linear_acceleration
     oriented = message.orientation_covariance[0] != -1.0 and (q.x or q.y or q.z)
     turning = message.angular_velocity_covariance[0] != -1.0
-    return Inertial(
+    return ImuReading(
         seconds(message.header.stamp),
         (q.x, q.y, q.z, q.w) if oriented else (math.nan,) * 4,
         (w.x, w.y, w.z) if turning else (math.nan,) * 3,
@@ -103,7 +107,7 @@ def inertial(message: Any) -> Inertial:
     )
 
 
-def pose_of(pose: Any) -> list[float]:
+def planar_pose(pose: Any) -> list[float]:
     """Planar x, y [m], heading [rad] of a pose message."""
     return [pose.position.x, pose.position.y, yaw_of(pose.orientation)]
 
@@ -122,11 +126,11 @@ def seconds(stamp: Any) -> float:
     return float(stamp)
 
 
-READ: dict[str, Callable[[Any], tuple[str, Any]]] = {
-    SCAN: _sweep,
-    ECHOES: _sweep,
-    ODOMETRY: lambda message: (message.child_frame_id, pose_of(message.pose.pose)),
-    IMU: lambda message: (message.header.frame_id, inertial(message)),
-    POSE: lambda message: ("", pose_of(message.pose)),
-    POSE_COV: lambda message: ("", pose_of(message.pose.pose)),
+READERS: dict[str, Callable[[Any], tuple[str, Any]]] = {
+    SCAN_TYPE: _scan_of,
+    MULTI_ECHO_TYPE: _scan_of,
+    ODOMETRY_TYPE: lambda message: (message.child_frame_id, planar_pose(message.pose.pose)),
+    IMU_TYPE: lambda message: (message.header.frame_id, imu_reading(message)),
+    POSE_TYPE: lambda message: ("", planar_pose(message.pose)),
+    POSE_COV_TYPE: lambda message: ("", planar_pose(message.pose.pose)),
 }

@@ -7,7 +7,7 @@ import pytest
 
 from slams import metrics
 from slams.live.__main__ import write_results
-from slams.ros.messages import MAP, seconds
+from slams.ros.messages import MAP_TYPE, seconds
 from slams.types import Pose2
 from tests.rooms import drive, driven
 from tests.slams.live.commands import PATIENCE
@@ -20,7 +20,7 @@ def test_a_map_is_published_at_its_pace_and_at_the_end_if_there_was_a_scan_since
         return [message.header.stamp.sec for message in stand.bus.sent("/map")]
 
     stand, seen = mounted(monkeypatch, map_every=0.01), threading.Semaphore(0)
-    stand.bus.callbacks["/map"] = [(MAP, lambda record: seen.release())]
+    stand.bus.callbacks["/map"] = [(MAP_TYPE, lambda record: seen.release())]
     for t in (5.0, 6.0):
         stand.start_and_drive(t)
         assert seen.acquire(timeout=PATIENCE)

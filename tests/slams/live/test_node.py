@@ -8,8 +8,8 @@ import pytest
 from slams.live import node
 from slams.live.options import NodeOptions, Quality
 from slams.live.recorder import Recorder
-from slams.ros.maker import UNKNOWN, percent
-from slams.ros.messages import SCAN, TF, seconds
+from slams.ros.maker import UNKNOWN_VARIANCE, percent
+from slams.ros.messages import SCAN_TYPE, TF_TYPE, seconds
 from slams.types import Pose2
 from tests.slams.live.robots import (
     LASER,
@@ -72,7 +72,7 @@ def test_without_odometry_the_base_itself_is_placed_in_the_map(monkeypatch):
     edge = stand.bus.sent("/tf")[0].transforms[0]
     assert (edge.header.frame_id, edge.child_frame_id) == ("map", "base_link")
     variances = np.diag(stand.bus.sent("/pose")[0].pose.covariance.reshape(6, 6))
-    assert variances[[0, 1, 5]].tolist() == [UNKNOWN] * 3
+    assert variances[[0, 1, 5]].tolist() == [UNKNOWN_VARIANCE] * 3
     assert stand.node.report()["no_odometry"] == 0
 
 
@@ -94,7 +94,7 @@ def test_the_map_stays_for_who_comes_later_and_without_loops_no_path_is_publishe
 def test_a_laser_upside_down_turns_the_other_way(monkeypatch):
     stand = Stand(monkeypatch)
     mount = turned_over(stand.make.transforms(0, [("base_link", "laser", MOUNT)]))
-    stand.bus.publish("/tf_static", TF, mount, Quality.LATCHED)
+    stand.bus.publish("/tf_static", TF_TYPE, mount, Quality.LATCHED)
     seen = stand.scans_seen()
     stand.start_and_drive(1.0, 2.0)
     lidar = seen[0].laser
@@ -156,7 +156,7 @@ def test_a_scan_goes_without_odometry_that_does_not_come(stand):
 
 def waits(stand, monkeypatch, looks=5):
     """The sentences of a node that waits until it is ended."""
-    monkeypatch.setattr(node, "PERIOD", 0.0)
+    monkeypatch.setattr(node, "REPORT_PERIOD", 0.0)
     stand.start(ending=Ending(looks))
     assert stand.node.drive.t == []
     return [said for said in stand.said if said.startswith("waiting")]
@@ -164,7 +164,7 @@ def waits(stand, monkeypatch, looks=5):
 
 def test_scans_are_waited_for_with_the_topics_there_are(monkeypatch):
     stand = Stand(monkeypatch)
-    kind = f"topics with a publisher of {SCAN}"
+    kind = f"topics with a publisher of {SCAN_TYPE}"
     assert f"waiting for scans on /scan; {kind}: none" in waits(stand, monkeypatch)[0]
     stand.bus.types["/scan"] = "sensor_msgs/msg/PointCloud2"
     stand.scan(0.0, topic="/front/scan")
@@ -172,19 +172,19 @@ def test_scans_are_waited_for_with_the_topics_there_are(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("base", "said", "frames"),
+    ("base", "named", "frames"),
     [
         ("robot", "robot", "base_link, camera"),
         (None, "a base", "base_link, camera"),
         ("robot", "robot", "none"),  # a base that was named
     ],
 )
-def test_a_frame_that_is_not_in_tf_is_waited_for(base, said, frames, monkeypatch):
+def test_a_frame_that_is_not_in_tf_is_waited_for(base, named, frames, monkeypatch):
     stand = Stand(monkeypatch, base_frame=base)
     if frames != "none":
         stand.tf(("base_link", "camera", MOUNT))
     stand.scan(0.0)
-    sentence = f"no fixed way from {said} to the laser's frame laser; frames: {frames}"
+    sentence = f"no fixed transform from {named} to the laser's frame laser; frames: {frames}"
     assert sentence in waits(stand, monkeypatch)[-1]
     stand.start(ending=Ending(100, lambda: stand.tf((base or "base_link", "laser", MOUNT))))
     stand.drive()
@@ -201,7 +201,7 @@ def test_without_tf_the_laser_is_the_base(monkeypatch):
 def test_what_is_assumed_of_the_laser_is_told_once(stand):
     limitless = stand.make.scan(0, "laser", LASER, np.full(91, 2.0, np.float32), 0.1)
     limitless.range_max = 0.0
-    stand.bus.publish("/scan", SCAN, limitless)
+    stand.bus.publish("/scan", SCAN_TYPE, limitless)
     stand.gyro(0.0, 0.5, frame="somewhere")
     stand.start_and_drive()
     for _ in range(2):
@@ -213,7 +213,7 @@ def test_what_is_assumed_of_the_laser_is_told_once(stand):
 
 
 def test_what_waits_while_frames_are_sought_is_not_left_out(stand, monkeypatch):
-    monkeypatch.setattr(node, "MAX_WAITING", 2)
+    monkeypatch.setattr(node, "MAX_QUEUED_SCANS", 2)
     stand.start_and_drive(*(0.1 * k for k in range(10)))
     assert len(stand.node.drive.t) == 10
     for k in range(10, 20):
@@ -227,9 +227,9 @@ def test_what_waits_while_frames_are_sought_is_not_left_out(stand, monkeypatch):
 
 def test_odd_messages_are_left_out_and_said_once(stand):
     stand.start(0.0)
-    broken = stand.bus.transport().advertise("/scan", SCAN, Quality.SENSOR)
+    broken = stand.bus.transport().advertise("/scan", SCAN_TYPE, Quality.SENSOR)
     for topic in ("/scan", "/tf", "/odom", "/imu"):
-        kind = stand.bus.types.get(topic, TF)
+        kind = stand.bus.types.get(topic, TF_TYPE)
         broken = stand.bus.transport().advertise(topic, kind, Quality.SENSOR)
         broken.publish(b"\0\1\0\0oh")
     stand.scan(0.1, frame="other")
@@ -246,7 +246,7 @@ def test_odd_messages_are_left_out_and_said_once(stand):
 
 def test_a_laser_that_begins_with_empty_scans_is_waited_for(stand):
     empty = stand.make.scan(0, "", LASER, np.zeros(0, np.float32), 0.1)
-    stand.bus.publish("/scan", SCAN, empty)
+    stand.bus.publish("/scan", SCAN_TYPE, empty)
     stand.start_and_drive(0.1)
     assert (len(stand.node.drive.t), stand.node.report()["unreadable"]) == (1, 1)
     assert "a scan of /scan has no beams or no directions; such scans are left out" in stand.said
@@ -263,7 +263,7 @@ def test_a_network_that_takes_nothing_does_not_stop_the_robot(stand):
     stand.look()
     assert len(stand.node.drive.t) == 1
     assert len(stand.bus.sent("/slam/state")) == 1
-    assert "1 messages were not taken by the network in time" in stand.said
+    assert "1 messages were not accepted by the network in time" in stand.said
 
 
 def test_a_recording_that_cannot_be_written_is_said(monkeypatch, tmp_path):
