@@ -1,4 +1,4 @@
-"""What is whole in a bag that is not: its records read one by one, without index and summary."""
+"""Salvages the undamaged messages of a bag: reads its records one by one, without an index."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ RECORD_HEAD = struct.Struct("<Bq")  # op code and length of an mcap record
 
 TOPICS_QUERY = "SELECT id, name, type FROM topics"
 MESSAGES_QUERY = "SELECT topic_id, timestamp, data FROM messages"
-MAX_DATABASE_SIZE = 1 << 42  # bytes, a database this large is a broken number
+MAX_DATABASE_SIZE = 1 << 42  # bytes; a header with a larger size is broken
 
+Channels = dict[int, tuple[str, str]]  # topic and type by number
 RawMessages = Iterator[tuple[str, str, int, bytes]]  # topic, type, received [ns], data
 
 
 def salvaged(path: Path, kind: str) -> Bag:
-    """The messages that can still be read, with the topics they are of."""
-    found, records = list[tuple[str, str, int]](), list[Record]()
+    """The messages that can still be read, and their topics."""
+    topics, records = list[tuple[str, str, int]](), list[Record]()
     for topic, msgtype, received, data in _messages(path, kind):
-        found.append((topic, msgtype, 1))
+        topics.append((topic, msgtype, 1))
         if msgtype in READABLE_TYPES:
             records.append(Record(topic, msgtype, received, data))
     records.sort(key=lambda record: record.received)
-    return Bag(
-        merged_topics(found), kind == "bag", lambda names: (r for r in records if r.topic in names)
-    )
+    kept = merged_topics(topics)
+    return Bag(kept, kind == "bag", lambda names: (r for r in records if r.topic in names))
 
 
 def _messages(path: Path, kind: str) -> RawMessages:
@@ -53,14 +53,14 @@ def _messages(path: Path, kind: str) -> RawMessages:
     elif kind == "db3":
         yield from _db3_messages(path)
     elif path.stat().st_size:  # an empty file cannot be mapped
-        with path.open("rb") as stored:  # mapped, it gives no more than it has, whatever is asked
+        with path.open("rb") as stored:  # a mapped file limits reads of a broken, huge length
             data = mmap.mmap(stored.fileno(), 0, access=mmap.ACCESS_READ)
             data.seek(len(MAGIC[kind]))
             yield from _ros1_messages(data, {}) if kind == "bag" else _mcap_messages(data, {}, {})
 
 
 def _db3_messages(path: Path) -> RawMessages:
-    """Rows of a db3 until the first page that is missing or broken."""
+    """Messages of a db3 up to the first page that is missing or broken."""
     with tempfile.TemporaryDirectory(prefix="slams-") as folder:
         copy = Path(folder) / "copy.db3"
         shutil.copyfile(path, copy)
@@ -74,14 +74,14 @@ def _db3_messages(path: Path) -> RawMessages:
                 if key in topics and isinstance(received, int) and isinstance(data, bytes):
                     name, msgtype = topics[key]
                     yield str(name), str(msgtype), received, data
-        except (sqlite3.Error, OverflowError, UnicodeDecodeError):  # also in its own sentences
+        except (sqlite3.Error, OverflowError, UnicodeDecodeError):  # the last also in its messages
             return
         finally:
             database.close()
 
 
 def _restore_size(database: Path) -> None:
-    """Bring a database that is cut short to its old size: sqlite opens no other."""
+    """Extend a database that is cut short to its full size, because sqlite requires it."""
     with database.open("rb") as file:
         page, pages = struct.unpack(">H10xI", file.read(32)[16:].ljust(16, b"\0"))
     size = (65536 if page == 1 else page) * pages
@@ -89,18 +89,18 @@ def _restore_size(database: Path) -> None:
         os.truncate(database, size)
 
 
-def _ros1_messages(file: Any, connections: dict[int, tuple[str, str]]) -> RawMessages:
-    """Messages of ROS 1 records from where the file stands, in chunks too.
+def _ros1_messages(file: Any, connections: Channels) -> RawMessages:
+    """Messages of ROS 1 records from the file's position on, also in chunks.
 
-    A record is a header and data, each with its length before it: behind a broken header its data
-    are taken for one and fail as such, and the next record follows.
+    A record is a header and data, each preceded by its length. After a broken header its data are
+    parsed as a header, which fails, and reading continues at the next record.
     """
     while file.read(1):
         file.seek(-1, os.SEEK_CUR)
-        with suppress(Exception):  # the library's parsers raise what they stumble over
+        with suppress(Exception):  # the library's parsers raise errors of any class
             header = rosbag1.Header.read(file)
             op = header.get_uint8("op")
-            if op == rosbag1.RecordType.CHUNK:  # cut short, its beginning can still be of use
+            if op == rosbag1.RecordType.CHUNK:  # the beginning of a cut chunk may be readable
                 unpack = rosbag1.decompressors[header.get_string("compression")]
                 chunk = BytesIO(unpack(file.read(rosbag1.read_uint32(file))))
                 yield from _ros1_messages(chunk, connections)
@@ -114,22 +114,19 @@ def _ros1_messages(file: Any, connections: dict[int, tuple[str, str]]) -> RawMes
                     yield *connections[number], received, data
 
 
-def _mcap_messages(
-    file: Any, schemas: dict[int, str], channels: dict[int, tuple[str, str]]
-) -> RawMessages:
-    """Messages of mcap records (kind, length, content) from where a file stands, in chunks too."""
+def _mcap_messages(file: Any, schemas: dict[int, str], channels: Channels) -> RawMessages:
+    """Messages of mcap records (kind, length, content) from the file's position, also in chunks."""
     while len(head := file.read(RECORD_HEAD.size)) == RECORD_HEAD.size:
         op, size = RECORD_HEAD.unpack(head)
         content = file.read(size)
         record = BytesIO(content)
-        with suppress(Exception):  # the library's parsers raise what they stumble over
-            if op == CHUNK_OP:  # cut short, its beginning can still be of use
-                record.seek(28)  # behind three numbers and a checksum
+        with suppress(Exception):  # the library's parsers raise errors of any class
+            if op == CHUNK_OP:  # the beginning of a cut chunk may be readable
+                record.seek(28)  # after three numbers and a checksum
                 unpack = mcap.DECOMPRESSORS[mcap.read_string(record)]
                 (length,) = mcap.deserialize_uint64(record.read(8))
-                yield from _mcap_messages(
-                    BytesIO(unpack(record.read(length), 0)), schemas, channels
-                )
+                chunk = BytesIO(unpack(record.read(length), 0))
+                yield from _mcap_messages(chunk, schemas, channels)
             elif len(content) < size:
                 return
             elif op == SCHEMA_OP:

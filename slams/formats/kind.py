@@ -1,4 +1,4 @@
-"""What kind of recording a file is, found out by its content alone."""
+"""The kind of a recording, detected from the file's content alone."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from slams.formats.packed import GZIP_MAGIC, unpacked
 
-KIND_HEAD_SIZE = 1 << 16  # bytes that tell the kind
+KIND_HEAD_SIZE = 1 << 16  # bytes that suffice to detect the kind
 MAGIC = {
     "npz": b"PK",
     "bag": b"#ROSBAG V2.0\n",
@@ -17,15 +17,16 @@ MAGIC = {
 CARMEN_LINE = re.compile(r"^(PARAM|SYNC|ODOM|TRUEPOS|FLASER|RLASER|(RAW|ROBOT)LASER\d)[ \t]", re.M)
 BAG_KINDS = ("bag", "mcap", "db3", "folder")
 OLD_BAG_MAGIC = b"#ROS"
-UNPACK_COMMANDS = {b"\x28\xb5\x2f\xfd": "zstd -d", b"BZh": "bunzip2", b"\xfd7zXZ\0": "unxz"}
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+UNPACK_COMMANDS = {ZSTD_MAGIC: "zstd -d", b"BZh": "bunzip2", b"\xfd7zXZ\0": "unxz"}
 
 
 def kind_of(path: Path) -> str:
-    """npz, bag, mcap, db3, folder (of a ROS 2 bag), carmen or other, be it packed by gzip.
+    """npz, bag, mcap, db3, folder (of a ROS 2 bag), carmen (also compressed by gzip) or other.
 
     Raises:
         OSError: the file cannot be opened.
-        ValueError: it is packed in another way, too old a bag, or a folder without one.
+        ValueError: another compression, a bag that is too old, or a folder without a bag.
     """
     if path.is_dir():
         if is_bag_folder(path):
@@ -50,7 +51,7 @@ def is_bag_folder(path: Path) -> bool:
     """Whether a folder holds a ROS 2 bag.
 
     Raises:
-        OSError: it cannot be looked into.
+        OSError: the folder cannot be read.
     """
-    names = [item.name for item in path.iterdir()]  # glob finds nothing where it may not look
+    names = [item.name for item in path.iterdir()]  # glob would hide a missing permission
     return any(name == "metadata.yaml" or name.endswith((".mcap", ".db3")) for name in names)

@@ -1,4 +1,4 @@
-"""From a recorded file of whatever kind to a ScanLog: asks what kind it is, and its reader."""
+"""Loads a recorded file of any kind as a ScanLog: detects the kind and calls its reader."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from slams.scanlog import ScanLog, load_npz
 from slams.validation import expect
 
 KIND_TITLES = {"npz": "an npz file", "carmen": "a CARMEN log"}
-OPTIONS_WITHOUT_EFFECT = {  # options that say nothing about a kind
+UNUSED_OPTIONS = {  # options without an effect, by kind
     "npz": ("scan_topic", "odom", "imu", "base_frame", "salvage"),
     "carmen": ("imu", "base_frame"),
 }
-SLOW_SCAN_PERIOD, MAX_SCAN_PERIOD = 10.0, 1000.0  # [s] from scan to scan: doubtful, and never
-MIN_COVERED_SHARE = 0.9  # share of the scans that a track should reach over
+SLOW_SCAN_PERIOD, MAX_SCAN_PERIOD = 10.0, 1000.0  # s from scan to scan: noted, and refused
+MIN_COVERED_SHARE = 0.9  # of the scans; a time series that covers fewer is noted
 
 
 def load(
@@ -31,13 +31,12 @@ def load(
 
     Args:
         path: the file, or the folder of a ROS 2 bag; or the files of one recording in bags.
-        options: what to take from it where that is not plain.
+        options: choices of topics, frames and files that the log leaves open.
         choices: single options, as `scan_topic="/scan"`.
 
     Raises:
         OSError: the file cannot be opened.
-        ValueError: it holds no complete, valid log, or the options do not fit; the sentence says
-            why.
+        ValueError: it has no complete, valid log, or the options do not fit it; with the reason.
     """
     paths = [Path(path)] if isinstance(path, str | Path) else [Path(item) for item in path]
     expect(len(paths) > 0, "files", "no log given", "one, or the files of a split bag")
@@ -53,14 +52,12 @@ def load(
     expect(kind in BAG_KINDS or not options.more_scan_topics, "--scan-topic", "several", one)
     with name_in_errors(paths):
         log = _with_truth(paths, kind, options)
-        pace = _slow_scans(log)
-    return _with_notes(
-        log, [*log.notes, *_options_without_effect(kind, options), *_uncovered_scans(log), *pace]
-    )
+        slow = _slow_scans(log)
+    return _with_notes(log, [*log.notes, *_unused_options(kind, options), *_uncovered(log), *slow])
 
 
 def _with_truth(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog:
-    """The log with the truth of a trajectory file if one is given; bags have other truths, too."""
+    """The log, with the truth of a trajectory file if one is given; a bag can have its own."""
     wanted = options.truth
     if wanted is None or (kind in BAG_KINDS and not trajectory.is_file(wanted)):
         return _read(paths, kind, options)
@@ -68,7 +65,7 @@ def _with_truth(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog
     if wanted == "none":
         return log
     truth, source = trajectory.read_track(Path(wanted), options.salvage), log.meta.get("source", {})
-    if isinstance(source, dict):  # in an npz of others it can be anything
+    if isinstance(source, dict):  # an npz of another program can have any type here
         source = source | {"truth": Path(wanted).name}
     return replace(log, truth=truth, meta=log.meta | {"source": source})
 
@@ -85,26 +82,23 @@ def _read(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog:
 
 
 def _with_notes(log: ScanLog, notes: list[str]) -> ScanLog:
-    """The log with its notes, in its meta behind those of an earlier conversion."""
+    """The log with its notes, in `meta` after the notes of an earlier conversion."""
     earlier = log.meta.get("notes")
     kept = [note for note in earlier if note not in notes] if isinstance(earlier, list) else []
     meta = log.meta | {"notes": [*kept, *notes]}
     return replace(log, notes=tuple(notes), meta=meta) if notes else log
 
 
-def _options_without_effect(kind: str, options: SourceOptions) -> list[str]:
-    """Tell of options that were given and say nothing about this kind of log."""
-    names = [
-        n
-        for n in OPTIONS_WITHOUT_EFFECT.get(kind, ())
-        if getattr(options, n) not in (None, False, "none")
-    ]
+def _unused_options(kind: str, options: SourceOptions) -> list[str]:
+    """A note on given options that have no effect on this kind of log."""
+    values = {name: getattr(options, name) for name in UNUSED_OPTIONS.get(kind, ())}
+    names = [name for name, value in values.items() if value not in (None, False, "none")]
     flags = ", ".join(f"--{name.replace('_', '-')}" for name in names)
     return [f"{flags}: nothing to choose in {KIND_TITLES[kind]}"] if names else []
 
 
 def _slow_scans(log: ScanLog) -> list[str]:
-    """Tell of stamps that go forward in another unit than seconds, as counts from 0 can."""
+    """A note on stamps that are probably in another unit than seconds."""
     period = log.scan_period
     expect(period < MAX_SCAN_PERIOD, "t", f"a scan every {period:g} s", "seconds")
     if period < SLOW_SCAN_PERIOD:
@@ -112,8 +106,8 @@ def _slow_scans(log: ScanLog) -> list[str]:
     return [f"a scan every {period:g} s; milliseconds? the stamps of a log are seconds"]
 
 
-def _uncovered_scans(log: ScanLog) -> list[str]:
-    """Tell of tracks that do not reach over the scans."""
+def _uncovered(log: ScanLog) -> list[str]:
+    """Notes on time series that do not cover the scans."""
     tracks = {"odometry": log.odom, "the truth": log.truth, "the yaw rate": log.yaw_rate}
     notes = []
     for name, track in tracks.items():

@@ -1,4 +1,4 @@
-"""Which topics of a bag are taken for what: the one asked for, else the only one of its kind."""
+"""The choice of a bag's topics: the one that the user names, else the only one of its type."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from slams.params import MAX_LASERS
 from slams.ros.messages import IMU_TYPE, ODOMETRY_TYPE, POSE_TYPES, SCAN_TYPES, TRUTH_TYPES
 from slams.validation import expect
 
-MAX_LISTED_NAMES = 12  # names that a sentence lists
+MAX_LISTED_NAMES = 12  # in a sentence
 
 
 class Roles:
-    """Topics by what they are taken for: `scans`, and `odom`, `imu` and `truth`, or None.
+    """Topics by role: `scans`, and `odom`, `imu` and `truth` or None.
 
     Args:
         found: the topics that have messages.
-        options: what the user chooses.
-        notes: get what the user should know.
+        options: the user's choices.
+        notes: receive notes for the user.
 
     Raises:
-        ValueError: there are no scans, or a choice is left open.
+        ValueError: there are no scans, or the choice is ambiguous.
     """
 
     def __init__(self, found: Sequence[Topic], options: SourceOptions, notes: list[str]) -> None:
@@ -41,8 +41,8 @@ class Roles:
         if options.scan_topic is not None:
             wanted = (options.scan_topic, *options.more_scan_topics)
             names = [self._named(one, found, "--scan-topic", "laser scans") for one in wanted]
-            fits = len(set(names)) == len(names) <= MAX_LASERS
-            expect(fits, "--scan-topic", names, f"up to {MAX_LASERS} different topics")
+            is_valid = len(set(names)) == len(names) <= MAX_LASERS
+            expect(is_valid, "--scan-topic", names, f"up to {MAX_LASERS} different topics")
             return tuple(names)
         name = self._only(found, "laser scan topics", "--scan-topic picks one")
         if name is None:
@@ -54,7 +54,7 @@ class Roles:
         return (name,)
 
     def _truth_topic(self) -> str | None:
-        """The topic asked for, if it is one; else the only one that calls itself truth."""
+        """The chosen truth if it is a topic; else the only topic with truth in its name."""
         wanted = self.options.truth
         if wanted is not None:
             return match(wanted, self.of(POSE_TYPES))
@@ -65,7 +65,7 @@ class Roles:
         return named[0]
 
     def _odom_topic(self) -> str | None:
-        """The topic asked for, if it is one; else the only one."""
+        """The chosen odometry if it is a topic; else the only topic."""
         found, wanted = self.of((ODOMETRY_TYPE,)), self.options.odom
         if wanted is not None:
             return match(wanted, found)
@@ -73,7 +73,7 @@ class Roles:
         return self._only(found, "odometry topics", "--odom picks one (or none)")
 
     def _imu_topic(self) -> str | None:
-        """The topic asked for or the only one; the gyro is no need, so several are none."""
+        """The chosen topic, else the only one; of several none, as the gyro is optional."""
         found, wanted = self.of((IMU_TYPE,)), self.options.imu
         if wanted == "none":
             return None
@@ -85,30 +85,30 @@ class Roles:
             )
         return found[0].name if len(found) == 1 else None
 
-    def _named(self, wanted: str, found: Sequence[Topic], flag: str, what: str) -> str:
+    def _named(self, wanted: str, found: Sequence[Topic], flag: str, content: str) -> str:
         name = match(wanted, found)
         if name is None:
-            raise ValueError(f"{flag}: no {what} on {wanted}; there are: {topic_list(found)}")
+            raise ValueError(f"{flag}: no {content} on {wanted}; there are: {topic_list(found)}")
         return name
 
-    def _only(self, found: Sequence[Topic], what: str, way_out: str) -> str | None:
+    def _only(self, found: Sequence[Topic], content: str, hint: str) -> str | None:
         if len(found) > 1:
-            raise ValueError(f"{len(found)} {what}, {way_out}: {topic_list(found)}")
+            raise ValueError(f"{len(found)} {content}, {hint}: {topic_list(found)}")
         return found[0].name if found else None
 
 
 def match(wanted: str, found: Sequence[Topic]) -> str | None:
-    """A topic by its name, with or without the slash in front."""
+    """The full name of a topic that is given with or without the leading slash."""
     names = [topic.name for topic in found]
     return next((name for name in (wanted, f"/{wanted}") if name in names), None)
 
 
 def topic_list(found: Sequence[Topic]) -> str:
-    """Topics with how many messages they have."""
+    """Names of topics with their numbers of messages, as text."""
     return shortened([f"{topic.name} ({topic.messages})" for topic in found])
 
 
 def shortened(names: Sequence[str]) -> str:
-    """The first names of a list, and how many more there are; or none."""
+    """The first names of a list as text with the number of further ones; "none" if empty."""
     more = f" and {len(names) - MAX_LISTED_NAMES} more" if len(names) > MAX_LISTED_NAMES else ""
     return (", ".join(names[:MAX_LISTED_NAMES]) or "none") + more

@@ -24,8 +24,7 @@ MIN_KEPT_TRANSFORMS = 20  # samples kept of a moving transform: enough to detect
 class SensorBuffer:
     """Stores messages; once the laser's mount is known, gives the measurements at a stamp.
 
-    The history of tf is kept only for the base's poses in the odometry's frame, and for frames
-    that tilt below a level parent. Messages arrive from other threads.
+    The history of tf is kept for the odometry's frame and for frames below a level parent only.
 
     Args:
         base: the robot's frame, whose poses are computed; None: chosen by odometry and tf.
@@ -93,8 +92,8 @@ class SensorBuffer:
     ) -> tuple[Pose2 | None, float | None, Attitude | None]:
         """The base in the odometry's frame, the gyro's heading [rad] and the attitude at a stamp.
 
-        Each is None where it was not measured. Waits for later samples at most until the time
-        `until` of `time.monotonic` [s]. The attitude comes from the IMU, or else from tf.
+        Each is None where it was not measured. Waits for samples up to the time `until` [s,
+        monotonic]. The attitude comes from the IMU, or else from tf.
         """
         with self._changed:
             sources = [self._gyro, self._attitude, self._odometry or self._gyro]
@@ -147,7 +146,7 @@ class SensorBuffer:
         """Fix the sources of odometry and attitude: a later change would be a jump."""
         matrix = self.tree.fixed_transform(moving, self.base)
         if matrix is not None and moving != self.base:
-            self._to_base = planar(matrix, "the base", self.notes).mount
+            self._to_base = planar(matrix, "the base", self.notes).pose
         if not self._early_imu and self.base is not None:  # else the IMU gives the attitude
             self._attitude = self._tf_attitudes.setdefault(self.base, self._attitude)
         self._is_configured = True

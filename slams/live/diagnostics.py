@@ -25,8 +25,7 @@ COUNT_MESSAGES = {  # by key of `Node.report`: reported when the count has grown
     "late": "scans arrived after newer ones and are left out",
     "no_odometry": "scans so far had no odometry in time (--wait sets how long they wait)",
     "other_frame": "scans of another frame than the first are left out: two lasers on one topic",
-    "unplaced": "scans of a further laser are left out: tf has no fixed transform from the base to "
-    "it",
+    "unplaced": "scans of a further laser are left out: tf has no fixed transform to its frame",
     "unsent": "messages were not accepted by the network in time",
 }
 

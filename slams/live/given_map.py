@@ -23,9 +23,7 @@ class GivenMapSlam:
 
     From the scan at which the robot is localized, the poses are those of `slams.run --localize` on
     the same scans. Until then they are those of the likeliest candidate, and `explained` is the
-    share of the last scan's beams that the map explains there, 0..1.
-
-    The constructor does the slow preparations, before the first scan arrives.
+    share of the last scan's beams that the map explains there, 0..1. The constructor is slow.
 
     Args:
         entry: the algorithm.

@@ -214,10 +214,7 @@ class Node:
         return "; ".join([text, *self.scans.notes])
 
     def _has_mount(self, first: ReceivedScan) -> bool:
-        """Whether the laser's mount is known: from tf, or at the base if there is no tf.
-
-        Odometry and tf get some time to start first.
-        """
+        """Whether the laser's mount is known: from tf, or after a wait at the base without tf."""
         waited, buffer = time.monotonic() - first.received, self.buffer
         if waited >= TF_SETTLING_TIME and self.scans.has_mount(first.topic):
             return True

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from slams.formats.frames import without_slash
-from slams.formats.sweep import LaserMount, Sweep, common_geometry, has_directions, same_directions
+from slams.formats.sweep import LaserMount, Sweep, has_directions, resampled, same_directions
 from slams.ros.messages import READERS, SCAN_TYPE, Record, seconds, typestore
 from slams.types import Laser
 
@@ -108,7 +108,7 @@ class ScanQueue:
             sweeps = []
         if laser is None or len(sweeps) < 2:  # from the second sweep on the scan interval is known
             sweeps = [*sweeps, scan.sweep]
-            found = common_geometry(sweeps, self._mounts[scan.topic], self.notes).laser
+            found = resampled(sweeps, self._mounts[scan.topic], self.notes).laser
             laser = laser if found == laser else found
         self._lasers[scan.topic] = sweeps, laser
         return laser

@@ -91,9 +91,8 @@ class LiveSlam:
         self.notes: list[str] = []
         if map is None and map_start is not None:
             raise ValueError("map_start: got a pose without a map; expected map, too")
-        given = None
-        if map is not None:
-            given = GivenMapSlam(entry, self.params, map, map_start, self.notes)
+        given_arguments = self.params, map, map_start, self.notes
+        given = None if map is None else GivenMapSlam(entry, *given_arguments)
         self.given = None if given is None else given.map()
         saved = None if state is None else resume(state, entry, self.params)
         self._saved_at = None if saved is None else saved.beside.get("t")

@@ -1,4 +1,4 @@
-"""Messages of the standard ROS types: their names and definitions, and what each says."""
+"""The standard ROS message types: names and definitions, and readers of their content."""
 
 from __future__ import annotations
 
@@ -19,26 +19,23 @@ POSE_COV_TYPE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 PATH_TYPE = "nav_msgs/msg/Path"
 MAP_TYPE = "nav_msgs/msg/OccupancyGrid"
 TF_TYPE, OLD_TF_TYPE = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
-SCAN_TYPES, TRUTH_TYPES, TF_TYPES = (
-    (SCAN_TYPE, MULTI_ECHO_TYPE),
-    (ODOMETRY_TYPE, POSE_TYPE, POSE_COV_TYPE),
-    (TF_TYPE, OLD_TF_TYPE),
-)
+SCAN_TYPES, TF_TYPES = (SCAN_TYPE, MULTI_ECHO_TYPE), (TF_TYPE, OLD_TF_TYPE)
+TRUTH_TYPES = (ODOMETRY_TYPE, POSE_TYPE, POSE_COV_TYPE)
 POSE_TYPES = (*TRUTH_TYPES, PATH_TYPE)
 READABLE_TYPES = frozenset({*SCAN_TYPES, *POSE_TYPES, *TF_TYPES, IMU_TYPE})
 
 
 class ImuReading(NamedTuple):
-    """One message in the IMU's own axes: orientation x, y, z, w, rates, acceleration; nan: none."""
+    """Stamp [s], quaternion x, y, z, w, rates, acceleration in the IMU's axes; nan: unknown."""
 
-    sent: float
+    stamp: float
     orientation: tuple[float, float, float, float]
     rates: tuple[float, float, float]
     acceleration: tuple[float, float, float]
 
 
 class Record(NamedTuple):
-    """One message as stored; `received` [ns] is when the recorder got it."""
+    """One message as stored in a bag; `received` is the recorder's time [ns]."""
 
     topic: str
     msgtype: str
@@ -48,7 +45,7 @@ class Record(NamedTuple):
 
 @cache
 def typestore() -> Any:
-    """Definitions, classes and CDR of the ROS 2 messages; the standard ones never changed."""
+    """Definitions, classes and CDR of ROS 2's standard messages, the same in all releases."""
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_HUMBLE)
@@ -56,10 +53,10 @@ def typestore() -> Any:
 
 @cache
 def decoder(ros1: bool) -> Callable[[bytes, str], Any]:
-    """What turns raw messages of the known types into objects.
+    """The function that decodes raw messages of `READABLE_TYPES`.
 
-    The standard definitions are used, not those of the bag: an old recording has none, and one
-    odd definition among them is no reason to refuse the scans.
+    It uses the standard definitions instead of the bag's: an old recording has none, and a broken
+    definition of another type must not prevent reading the scans.
     """
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -71,14 +68,14 @@ def decoder(ros1: bool) -> Callable[[bytes, str], Any]:
 
 
 def _scan_of(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
-    """Of several echoes the first of each beam; none means nothing up to range_max."""
+    """Frame, ranges and geometry of a scan; of several echoes the first, of none infinity."""
     from slams.laser_table import single
     from slams.types import Laser
 
-    found = message.ranges
+    readings = message.ranges
     if getattr(message, "__msgtype__", SCAN_TYPE) == MULTI_ECHO_TYPE:
-        found = [beam.echoes[0] if len(beam.echoes) else math.inf for beam in found]
-    ranges = single(found).copy()
+        readings = [beam.echoes[0] if len(beam.echoes) else math.inf for beam in readings]
+    ranges = single(readings).copy()
     geometry = Laser(
         float(message.angle_min),
         float(message.angle_increment),
@@ -91,18 +88,18 @@ def _scan_of(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
 
 
 def imu_reading(message: Any) -> ImuReading:
-    """Of a sensor_msgs/Imu; a covariance of -1 says that there is none.
+    """The reading in a sensor_msgs/Imu; a covariance of -1 marks a value that is not measured.
 
-    So does an orientation of zeros or the identity: drivers without one leave it at that, and what
-    is measured has noise.
+    An orientation of zeros or the identity is not measured either: it is a driver's placeholder,
+    and a measured one has noise.
     """
     q, w, a = message.orientation, message.angular_velocity, message.linear_acceleration
-    oriented = message.orientation_covariance[0] != -1.0 and (q.x or q.y or q.z)
-    turning = message.angular_velocity_covariance[0] != -1.0
+    has_orientation = message.orientation_covariance[0] != -1.0 and (q.x or q.y or q.z)
+    has_rates = message.angular_velocity_covariance[0] != -1.0
     return ImuReading(
         seconds(message.header.stamp),
-        (q.x, q.y, q.z, q.w) if oriented else (math.nan,) * 4,
-        (w.x, w.y, w.z) if turning else (math.nan,) * 3,
+        (q.x, q.y, q.z, q.w) if has_orientation else (math.nan,) * 4,
+        (w.x, w.y, w.z) if has_rates else (math.nan,) * 3,
         (a.x, a.y, a.z),
     )
 

@@ -377,7 +377,7 @@ def test_a_bag_cut_short_is_refused_or_salvaged(kind, tmp_path, capsys):
     assert err.count("\n") == 1
     assert err.startswith(f"slams convert: {path}: cut short or damaged (")
     assert DAMAGE[kind.partition("-")[0]] in err
-    assert err.endswith("--salvage reads what is whole\n")
+    assert err.endswith("--salvage reads the undamaged part\n")
     assert not out.exists()
     assert convert.main([str(path), str(out), "--salvage"]) == 0
     assert "note: cut short or damaged" in capsys.readouterr().err

@@ -247,5 +247,5 @@ def test_a_file_goes_before_a_topic_and_a_slash_makes_it_the_topic(bag, tmp_path
 def test_a_damaged_bag_is_refused_or_salvaged(tmp_path):
     path = bags.write(tmp_path, "mcap", recorded)
     path.write_bytes(path.read_bytes()[:-60])
-    assert "--salvage reads what is whole" in refused("/amcl", path)
+    assert "--salvage reads the undamaged part" in refused("/amcl", path)
     same(read_trajectory("/amcl", path, SourceOptions(odom="odom", salvage=True)))
