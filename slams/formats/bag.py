@@ -16,7 +16,7 @@ REPAIR_HINTS = {
     "bag": "'rosbag reindex FILE' repairs it",
     "mcap": "'mcap recover FILE -o NEW.mcap' repairs it",
     "db3": "'sqlite3 FILE .recover | sqlite3 NEW.db3' repairs it",
-    "folder": "'ros2 bag reindex FOLDER' writes its metadata anew",
+    "folder": "'ros2 bag reindex FOLDER' writes its metadata again",
 }
 
 

@@ -31,7 +31,7 @@ from slams.validation import FAR, LATEST
 LASER_MESSAGE = re.compile(r"(FLASER|RLASER|RAWLASER\d|ROBOTLASER\d)$")
 FRONT_LASERS = ("ROBOTLASER1", "FLASER", "RAWLASER1")  # the same laser; the first has most data
 N_TRAILING_WORDS = 3
-SICK_RANGE_MIN, SICK_RANGE_MAX = 0.1, 81.0  # of a SICK, where no line tells it
+SICK_RANGE_MIN, SICK_RANGE_MAX = 0.1, 81.0  # m, of a SICK; FLASER lines have none
 MOUNT_TOLERANCE = 2e-3  # [m, rad] that a laser on its robot seems to move by rounding
 NO_RETURN_FREQUENCY_RATIO = 10  # to any reading near it: so frequent is only the code "no return"
 
@@ -62,7 +62,7 @@ def read(path: Path, options: SourceOptions) -> ScanLog:
         ranges,
         replace(laser, range_max=_range_max(ranges, laser)),
         odom=odom,
-        truth=_track(lines.truth),
+        truth=_series(lines.truth),
         meta={"name": name_of(path), "source": source},
         notes=tuple(notes),
     )
@@ -225,14 +225,14 @@ def _odometry(t: Floats, lines: Lines, wanted: str | None) -> tuple[TimeSeries |
     if lines.poses:
         found[lines.message] = TimeSeries(t, np.array(lines.poses)[:, 1])
     if lines.odom:
-        found["ODOM"] = _track(lines.odom)
+        found["ODOM"] = _series(lines.odom)
     if wanted not in (None, "none", *found):
         raise ValueError(f"no odometry {wanted}; it has {', '.join(found) or 'none'}")
     name = next(iter(found), "none") if wanted is None else wanted
     return found.get(name), None if name == "none" else name
 
 
-def _track(rows: list[list[float]]) -> TimeSeries | None:
+def _series(rows: list[list[float]]) -> TimeSeries | None:
     table = np.array(rows, np.float64)
     return TimeSeries(table[:, 0].copy(), table[:, 1:].copy()) if rows else None
 

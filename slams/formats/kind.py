@@ -40,7 +40,7 @@ def kind_of(path: Path) -> str:
         head = unpacked(head, KIND_HEAD_SIZE)[0]
         command = "gunzip" if head.startswith(tuple(MAGIC.values())) else None
     if command is not None:
-        raise ValueError(f"{path}: compressed as a whole; unpack it first: {command} {path.name}")
+        raise ValueError(f"{path}: a compressed file; unpack it first: {command} {path.name}")
     if kind is None and head.startswith(OLD_BAG_MAGIC):
         raise ValueError(f"{path}: a bag of a version before 2.0; 'rosbag fix' makes a new one")
     is_carmen = CARMEN_LINE.search(head.decode("latin-1")) and b"\0" not in head

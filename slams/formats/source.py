@@ -64,7 +64,7 @@ def _with_truth(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog
     log = replace(_read(paths, kind, replace(options, truth="none")), truth=None)
     if wanted == "none":
         return log
-    truth, source = trajectory.read_track(Path(wanted), options.salvage), log.meta.get("source", {})
+    truth, source = trajectory.read_poses(Path(wanted), options.salvage), log.meta.get("source", {})
     if isinstance(source, dict):  # an npz of another program can have any type here
         source = source | {"truth": Path(wanted).name}
     return replace(log, truth=truth, meta=log.meta | {"source": source})
@@ -108,11 +108,11 @@ def _slow_scans(log: ScanLog) -> list[str]:
 
 def _uncovered(log: ScanLog) -> list[str]:
     """Notes on time series that do not cover the scans."""
-    tracks = {"odometry": log.odom, "the truth": log.truth, "the yaw rate": log.yaw_rate}
+    series = {"odometry": log.odom, "the truth": log.truth, "the yaw rate": log.yaw_rate}
     notes = []
-    for name, track in tracks.items():
-        if track is not None:
-            inside = int(((log.t >= track.t.min()) & (log.t <= track.t.max())).sum())
+    for name, one in series.items():
+        if one is not None:
+            inside = int(((log.t >= one.t.min()) & (log.t <= one.t.max())).sum())
             if inside < MIN_COVERED_SHARE * len(log):
                 notes.append(f"{name} covers {inside} of {len(log)} scans")
     return notes

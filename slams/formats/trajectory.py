@@ -47,7 +47,7 @@ def read_trajectory(
     1. A file: TUM, plain or compressed by gzip, or result.mcap with poses on /pose.
     2. A topic of the bag `log_path`: Odometry, PoseStamped, PoseWithCovarianceStamped, or the
        last message of a Path. Poses of a frame that is fixed to the log's base are transformed.
-    3. A tf frame of that bag, usually "map": the base's poses in it, at the stamps of the most
+    3. A tf frame of that bag, such as "map": the base's poses in it, at the stamps of the most
        frequent transform between them. The others are interpolated as by tf, x and y linearly and
        the heading by the shorter rotation; only fixed transforms are extrapolated.
 
@@ -67,7 +67,7 @@ def read_trajectory(
     """
     name, options = str(spec), options or SourceOptions()
     if is_file(name):
-        return _in_order(name, read_track(Path(name), options.salvage))
+        return _in_order(name, read_poses(Path(name), options.salvage))
     if log_path is None or kind_of(Path(log_path)) not in BAG_KINDS:
         error = "a directory without a bag" if Path(name).is_dir() else "no such file"
         log = "without a bag there are" if log_path is None else f"{log_path} is no bag, it has"
@@ -77,7 +77,7 @@ def read_trajectory(
     return _in_order(f"{log_path}: {name}", poses)
 
 
-def read_track(path: Path, salvage: bool = False) -> TimeSeries:
+def read_poses(path: Path, salvage: bool = False) -> TimeSeries:
     """The poses in a file, as recorded: TUM, or /pose of a result.mcap.
 
     Raises:
