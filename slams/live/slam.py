@@ -83,7 +83,7 @@ class LiveSlam:
         params = entry.params()
         if sensor is not None:
             params = params.for_sensor(sensor)
-        self.params = params.replace(**changes)
+        self.params = params = params.replace(**changes)
         self._mount = mount
         self._lock = threading.RLock()
         if map is not None and state is not None:
@@ -91,8 +91,7 @@ class LiveSlam:
         self.notes: list[str] = []
         if map is None and map_start is not None:
             raise ValueError("map_start: got a pose without a map; expected map, too")
-        given_arguments = self.params, map, map_start, self.notes
-        given = None if map is None else GivenMapSlam(entry, *given_arguments)
+        given = None if map is None else GivenMapSlam(entry, params, map, map_start, self.notes)
         self.given = None if given is None else given.map()
         saved = None if state is None else resume(state, entry, self.params)
         self._saved_at = None if saved is None else saved.beside.get("t")

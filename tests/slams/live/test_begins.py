@@ -178,7 +178,7 @@ def test_a_start_is_taken(folder):
 def test_what_does_not_fit_is_refused(folder, tmp_path):
     state = tmp_path / "s"
     live = LiveSlam("odometry", warm_up=False)
-    with pytest.raises(ValueError, match="nothing to save: no scan came yet"):
+    with pytest.raises(ValueError, match="nothing to save: no scan yet"):
         live.save(state)
     live.push_scan(scan_at((0.0, 0.0, 0.0)))
     live.save(state)

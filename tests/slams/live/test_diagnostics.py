@@ -90,7 +90,7 @@ def test_a_line_a_second_on_a_terminal(node, stand, monkeypatch, capsys):
     terminal = Terminal(Namespace(program="slams.live", quiet=False))
     stand.now += 2.0
     terminal.show_status(node)
-    terminal.say("something")
+    terminal.notify("something")
     text = capsys.readouterr().err
     assert "40 scans, 3 left out; x 1.25 y -0.50 m, 90 deg; matched 0.90" in text
     assert text.endswith("\x1b[Kslams.live: note: something\n")
@@ -103,6 +103,6 @@ def test_only_notes_elsewhere_and_nothing_when_quiet(node, capsys):
     for quiet, expected in ((False, "slams.live: note: something\n"), (True, "")):
         terminal = Terminal(Namespace(program="slams.live", quiet=quiet))
         terminal.show_status(node)
-        terminal.say("something")
+        terminal.notify("something")
         terminal.end()
         assert capsys.readouterr().err == expected

@@ -151,7 +151,7 @@ def test_a_scan_goes_without_odometry_that_does_not_come(stand):
     stand.look()
     assert stand.node.report()["no_odometry"] == 1
     assert len(stand.node.drive.t) == 1
-    assert any("1 scans so far without odometry in time" in said for said in stand.said)
+    assert any("1 scans so far had no odometry in time" in said for said in stand.said)
 
 
 def waits(stand, monkeypatch, looks=5):
@@ -207,7 +207,7 @@ def test_what_is_assumed_of_the_laser_is_told_once(stand):
     for _ in range(2):
         stand.look()
     assert [said for said in stand.said if "range_max is 0" in said] == [
-        "range_max is 0; 2.00 m are taken instead"
+        "range_max is 0; 2.00 m is used instead"
     ]
     assert sum("no transform to the gyro's frame 'somewhere'" in said for said in stand.said) == 1
 
