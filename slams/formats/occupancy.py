@@ -14,7 +14,7 @@ from slams.formats import yaml_file
 from slams.types import Floats, OccupancyGrid
 
 OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196  # with 0.196 the gray 205 (unknown) is not free
-FREE_GRAY, OCCUPIED_GRAY, UNKNOWN_GRAY = 254, 0, 205
+FREE_PIXEL, OCCUPIED_PIXEL, UNKNOWN_PIXEL = 254, 0, 205
 PATH_COLOR, START_COLOR = (60, 76, 231), (96, 174, 39)  # red, green in OpenCV's order
 
 Pixels = NDArray[np.uint8]
@@ -60,13 +60,13 @@ def read_map(path: str | Path, notes: list[str] | None = None) -> OccupancyGrid:
     image = _read_image(path.parent / head.image)
     shade = image / 255.0
     p = _trinary(shade if head.negate else 1.0 - shade, head.occupied, head.free)
-    unknown = image == (255 - UNKNOWN_GRAY if head.negate else UNKNOWN_GRAY)
-    if head.free > (255 - UNKNOWN_GRAY) / 255.0 and unknown.any():
+    unknown = image == (255 - UNKNOWN_PIXEL if head.negate else UNKNOWN_PIXEL)
+    if head.free > (255 - UNKNOWN_PIXEL) / 255.0 and unknown.any():
         p[unknown] = np.nan  # nav2's old threshold 0.25 would make them free
         if notes is not None:
             notes.append(
                 f"{path}: free_thresh {head.free:g} would make the gray of unknown cells "
-                f"({UNKNOWN_GRAY}) free; they are taken as unknown"
+                f"({UNKNOWN_PIXEL}) free; they are taken as unknown"
             )
     return OccupancyGrid(p[::-1].astype(np.float32), head.resolution, head.origin)
 
@@ -130,9 +130,9 @@ def _trinary(occupancy: Floats, occupied: float, free: float) -> Floats:
 
 def trinary(grid: OccupancyGrid) -> Pixels:
     """The map in map_server's grays, row 0 on top: free 254, occupied 0, unknown 205."""
-    pixels = np.full(grid.p.shape, UNKNOWN_GRAY, np.uint8)
-    pixels[grid.p > 0.5] = OCCUPIED_GRAY
-    pixels[grid.p < 0.5] = FREE_GRAY
+    pixels = np.full(grid.p.shape, UNKNOWN_PIXEL, np.uint8)
+    pixels[grid.p > 0.5] = OCCUPIED_PIXEL
+    pixels[grid.p < 0.5] = FREE_PIXEL
     return pixels[::-1].copy()
 
 
@@ -143,7 +143,7 @@ def picture(grid: OccupancyGrid, poses: Floats | None = None, least: int = 900) 
     """
     import cv2
 
-    gray = np.where(np.isnan(grid.p), UNKNOWN_GRAY, 255.0 * (1.0 - grid.p)).astype(np.uint8)[::-1]
+    gray = np.where(np.isnan(grid.p), UNKNOWN_PIXEL, 255.0 * (1.0 - grid.p)).astype(np.uint8)[::-1]
     factor = max(1, round(least / max(gray.shape)))
     large = gray.repeat(factor, axis=0).repeat(factor, axis=1)
     image = np.ascontiguousarray(np.stack([large] * 3, axis=2))

@@ -128,20 +128,20 @@ class Idle:
 
 
 class Stand:
-    """A node and the bus it is on; `said` is what it tells the user, `file` where it records."""
+    """A node and its bus; `notes` are its messages to the user, `file` is its recording."""
 
     def __init__(
         self, monkeypatch, algorithm="odometry", file=None, bus=None, begin=None, **options
     ):
         for time in ("TF_SETTLING_TIME", "MAX_TF_WAIT", "POLL_PERIOD"):
             monkeypatch.setattr(node, time, 0.0)
-        self.bus, self.said, self.make = bus or Bus(), [], Maker()
+        self.bus, self.notes, self.make = bus or Bus(), [], Maker()
         usual = {"map_every": 0.0, "wait": 0.0}
         self.algorithm, self.file = algorithm, file
         self.live = LiveSlam(algorithm, warm_up=False, **(begin or {}))
         self.transport = self.bus.transport()
         options = NodeOptions(**(usual | options))
-        self.node = Node(self.live, self.transport, options, self.said.append)
+        self.node = Node(self.live, self.transport, options, self.notes.append)
         self.node.recorder = None if file is None else Recorder(file, options)
         self.transport.listen()
         self.transport.wanted.clear()

@@ -139,7 +139,7 @@ def test_a_map_that_stays_is_shown_at_once_and_the_place_found(folder, monkeypat
     assert np.hypot(*off.T).max() < 0.05
     report = stand.node.report()
     assert report["sought"] == 3 and report["algorithm"]["explained"] > 0.9
-    assert any(said.startswith("found at 0.3") and "after 3 scans" in said for said in stand.said)
+    assert any(note.startswith("found at 0.3") and "after 3 scans" in note for note in stand.notes)
 
 
 def test_a_place_in_doubt_is_told_and_nothing_is_published(monkeypatch, tmp_path):
@@ -155,7 +155,7 @@ def test_a_place_in_doubt_is_told_and_nothing_is_published(monkeypatch, tmp_path
     stand.look()
     assert "/pose" not in stand.bus.raw and len(stand.bus.sent("/tf")) == moved
     assert len(stand.bus.sent("/slam/state")) == n
-    (sentence,) = [said for said in stand.said if "not localized in the map yet" in said]
+    (sentence,) = [note for note in stand.notes if "not localized in the map yet" in note]
     assert (
         sentence.startswith("1 scans so far")  # and again after a while
         and "most likely: " in sentence

@@ -180,14 +180,14 @@ def test_a_run_of_the_recording_gives_the_poses_of_the_robot(transports, tmp_pat
     play = started(
         "slams.play", "tb.npz", "--rate", 4, "--wait-for-subscriber", PATIENCE, folder=tmp_path
     )
-    said, error = play.communicate(timeout=2 * PATIENCE)
-    assert (play.returncode, said) == (0, "25 scans of tb published\n"), error
+    output, error = play.communicate(timeout=2 * PATIENCE)
+    assert (play.returncode, output) == (0, "25 scans of tb published\n"), error
     until(lambda: sum(to_odom(record) for record in moves) >= 20)
     until(lambda: maps)
     live.send_signal(signal.SIGINT)
-    said, error = live.communicate(timeout=PATIENCE)
+    output, error = live.communicate(timeout=PATIENCE)
     assert live.returncode == 0, error
-    assert said.startswith("25 scans, 0 left out; from scan to pose: p50 ")
+    assert output.startswith("25 scans, 0 left out; from scan to pose: p50 ")
     summary = json.loads((out / "summary.json").read_text())
     assert (summary["node"]["scans"], summary["node"]["odometry"]) == (25, "tf")
     log = slams.load(tmp_path / "seen.mcap")

@@ -26,17 +26,17 @@ class Stand:
     """Diagnostics on a clock of their own."""
 
     def __init__(self, monkeypatch):
-        self.now, self.said, self.last = 1000.0, [], {}
+        self.now, self.notes, self.last = 1000.0, [], {}
         self.all = []
         monkeypatch.setattr(diagnostics.time, "monotonic", lambda: self.now)
-        self.diagnostics = Diagnostics(self.said.append)
+        self.diagnostics = Diagnostics(self.notes.append)
 
     def reported(self, **counts):
         report = dict.fromkeys(COUNT_MESSAGES, 0) | counts
         self.diagnostics.check(report, self.last)
-        said, self.said[:] = list(self.said), []
-        self.all += said
-        return said
+        notes, self.notes[:] = list(self.notes), []
+        self.all += notes
+        return notes
 
 
 @pytest.fixture
@@ -62,7 +62,7 @@ def test_an_assumption_is_reported_once(stand):
     for _ in range(3):
         stand.diagnostics.note("the laser is the base")
         stand.now += 10.0 * REPORT_PERIOD
-    assert stand.said == ["the laser is the base"]
+    assert stand.notes == ["the laser is the base"]
 
 
 @pytest.mark.parametrize("name", COUNT_MESSAGES)

@@ -55,7 +55,7 @@ def test_a_laser_that_tf_does_not_place_is_left_out_until_it_does(monkeypatch):
     stand.start_and_drive()
     stand.look()
     assert (stand.node.drive.t, stand.node.report()["unplaced"]) == ([0.0], 1)
-    assert f"1 {COUNT_MESSAGES['unplaced']}" in stand.said
+    assert f"1 {COUNT_MESSAGES['unplaced']}" in stand.notes
     stand.tf(("base_link", "rear", PLACES["rear"]))
     stand.scan(0.2, "rear", topic="/rear")
     stand.drive()

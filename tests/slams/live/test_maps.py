@@ -33,9 +33,9 @@ def test_a_map_is_published_at_its_pace_and_at_the_end_if_there_was_a_scan_since
     assert stamps(stand) == [7]
 
 
-@pytest.mark.parametrize(("every", "said"), [(3600.0, 1), (0.0, 0)])
+@pytest.mark.parametrize(("every", "n_notes"), [(3600.0, 1), (0.0, 0)])
 def test_a_map_that_cannot_be_published_is_reported_and_none_is_drawn_unasked(
-    every, said, monkeypatch
+    every, n_notes, monkeypatch
 ):
     def refuse(stamp, grid):
         raise OSError("no network")
@@ -45,7 +45,7 @@ def test_a_map_that_cannot_be_published_is_reported_and_none_is_drawn_unasked(
     stand.start_and_drive(1.0)
     stand.node.close()
     stand.look()
-    assert stand.said.count("the map is not published: no network") == said
+    assert stand.notes.count("the map is not published: no network") == n_notes
 
 
 @pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])

@@ -45,11 +45,11 @@ def test_a_laser_that_is_plugged_in_again_is_mapped_on(stand, monkeypatch):
     real = time.monotonic
     monkeypatch.setattr(diagnostics.time, "monotonic", lambda: real() + 30.0)
     stand.look()
-    assert any("is the laser unplugged?" in said for said in stand.said)
+    assert any("is the laser unplugged?" in note for note in stand.notes)
     stand.scan(30.0)
     stand.drive()
     stand.look()
-    assert sum("/scan" in said for said in stand.said) == 2  # ready for it, and unplugged
+    assert sum("/scan" in note for note in stand.notes) == 2  # ready for it, and unplugged
     assert len(stand.node.drive.t) == 2
 
 

@@ -99,14 +99,14 @@ def test_a_scan_is_sent_when_its_last_beam_is_measured_and_odometry_when_it_is(s
     first = [(0.0, "/odom", "/tf"), (0.0, "/imu"), (0.05, "/scan"), (0.1, "/odom", "/tf")]
     assert order[:4] == first
     assert len(order) == 12
-    scan, said, moved = (bus.sent(topic)[2] for topic in ("/scan", "/odom", "/tf"))
-    first, other = (seconds(message.header.stamp) for message in (scan, said))
+    scan, odometry, moved = (bus.sent(topic)[2] for topic in ("/scan", "/odom", "/tf"))
+    first, other = (seconds(message.header.stamp) for message in (scan, odometry))
     assert first == other == pytest.approx(0.2)  # stamped with the first beam
     assert scan.time_increment == pytest.approx(0.005)
-    at, edge = said.pose.pose, moved.transforms[0]
+    at, edge = odometry.pose.pose, moved.transforms[0]
     assert planar(at.position, at.orientation) == pytest.approx(sweeping.odom.values[2])
     assert edge.transform.translation.x == at.position.x
-    assert (edge.header.frame_id, edge.child_frame_id) == ("odom", said.child_frame_id)
+    assert (edge.header.frame_id, edge.child_frame_id) == ("odom", odometry.child_frame_id)
     assert bus.sent("/imu")[2].angular_velocity.z == pytest.approx(sweeping.yaw_rate.values[2])
 
 
