@@ -50,13 +50,13 @@ def report(paths: list[Path], options: SourceOptions) -> Iterator[str]:
         ValueError: it is no log, or damaged; one sentence.
     """
     from slams.formats.carmen import laser_messages
-    from slams.formats.kind import BAGS, kind_of
+    from slams.formats.kind import BAG_KINDS, kind_of
     from slams.formats.recording import Recording, read
     from slams.formats.source import load
-    from slams.ros.messages import SCANS
+    from slams.ros.messages import SCAN_TYPES
 
     kinds = [kind_of(path) for path in paths]
-    if not all(kind in BAGS for kind in kinds):
+    if not all(kind in BAG_KINDS for kind in kinds):
         if kinds == ["carmen"]:
             for name, lines in laser_messages(text_of(paths[0])).items():
                 yield f"  {name}  {lines} lines"
@@ -64,7 +64,7 @@ def report(paths: list[Path], options: SourceOptions) -> Iterator[str]:
         return
     topics, transforms = read(paths, options, Recording.contents)
     yield from _of_bag(paths[0], topics, transforms)
-    found = [topic.name for topic in topics if topic.msgtype in SCANS]
+    found = [topic.name for topic in topics if topic.msgtype in SCAN_TYPES]
     lasers = found if found and not options.scan_topic else [options.scan_topic]
     for laser in lasers:
         try:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from slams import cli
 from slams.live.network import add_network_options, transport_of
-from slams.live.options import renamed
+from slams.live.options import topic_names
 from slams.validation import expect
 
 if TYPE_CHECKING:
@@ -74,21 +74,21 @@ def _play(
     log: ScanLog, transport: Transport, arguments: argparse.Namespace, ending: threading.Event
 ) -> int:
     """Publish the log; returns how many scans."""
-    from slams.live.robot import LINGER, Robot
+    from slams.live.robot import DELIVERY_TIME, Robot
 
-    robot = cli.refusing(lambda: Robot(log, transport, renamed(arguments.remap)))
+    robot = cli.refusing(lambda: Robot(log, transport, topic_names(arguments.remap)))
     transport.listen()
-    if not robot.await_reader(arguments.wait_for_subscriber, ending):
+    if not robot.await_subscriber(arguments.wait_for_subscriber, ending):
         cli.show_notes(arguments, ["nobody listens to the scans yet; they are sent all the same"])
     gc.collect()
     gc.freeze()  # a search for garbage among all scans would hold them up
     sent, start = 0, time.monotonic()
-    for moment in cli.progress(robot.moments, len(robot.moments), "playing", arguments.quiet, ""):
-        if ending.wait(start + moment.t / arguments.rate - time.monotonic()):
+    for due in cli.progress(robot.schedule, len(robot.schedule), "playing", arguments.quiet, ""):
+        if ending.wait(start + due.t / arguments.rate - time.monotonic()):
             break
-        robot.send(moment)
-        sent += moment.topic == "/scan"
-    ending.wait(LINGER)
+        robot.send(due)
+        sent += due.topic == "/scan"
+    ending.wait(DELIVERY_TIME)
     return sent
 
 

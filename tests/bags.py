@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import slams
 from slams.ros.maker import Maker
-from slams.ros.messages import ECHOES, OLD_TF, PATH, TF
+from slams.ros.messages import MULTI_ECHO_TYPE, OLD_TF_TYPE, PATH_TYPE, TF_TYPE
 from slams.types import Laser, Pose2
 
 MUCH = 32 << 20  # bytes that a refusal may take
@@ -22,7 +22,7 @@ PACKED = {"folder-zstd": CompressionMode.STORAGE, "folder-db3-each": Compression
 KINDS = ("bag", "bag-bz2", "bag-lz4", "db3", "mcap", "folder-db3", "folder-mcap", "folder-zstd")
 
 ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_JAZZY)
-for _name in (TF, OLD_TF):
+for _name in (TF_TYPE, OLD_TF_TYPE):
     ROS1.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", _name))
 
 
@@ -51,7 +51,7 @@ class Make(Maker):
             self.of("sensor_msgs/msg/LaserEcho", np.array(beam, np.float32)) for beam in echoes
         ]
         numbers = (-1.5, -1.5 + 0.1 * (len(echoes) - 1), 0.1, 0.0, 0.1, 0.1, 30.0)
-        return self.of(ECHOES, self._header(ns(t), frame), *numbers, beams, [])
+        return self.of(MULTI_ECHO_TYPE, self._header(ns(t), frame), *numbers, beams, [])
 
     def odometry(self, t, x, y, yaw, child="base_link", frame="odom"):
         return super().odometry(ns(t), Pose2(x, y, yaw), frame, child)
@@ -61,10 +61,10 @@ class Make(Maker):
 
     def path(self, t, rows):
         """The poses (t, x, y, yaw) so far."""
-        return self.of(PATH, self._header(ns(t), "map"), [self.posed(*row) for row in rows])
+        return self.of(PATH_TYPE, self._header(ns(t), "map"), [self.posed(*row) for row in rows])
 
     def posed_with_covariance(self, t, x, y, yaw):
-        return super().posed(ns(t), Pose2(x, y, yaw), np.zeros((3, 3)), "world")
+        return super().pose_with_covariance(ns(t), Pose2(x, y, yaw), np.zeros((3, 3)), "world")
 
     def imu(self, t, rates, frame="imu", given=True, roll=0.0):
         message = super().imu(ns(t), rates[2], frame)
@@ -82,7 +82,7 @@ class Make(Maker):
         for item, (_, _, (_, _, z), yaw, roll) in zip(items, transforms, strict=True):
             item.transform.translation.z = z
             item.transform.rotation = self.quaternion(yaw, roll)
-        return self.of(OLD_TF if old else TF, items)
+        return self.of(OLD_TF_TYPE if old else TF_TYPE, items)
 
     def string(self, text):
         return self.of(STRING, text)

@@ -44,7 +44,7 @@ run hector room.npz --resume-state . | is a directory
 run hector room.npz --save-state no/x | no such folder
 run hector room.npz --save-state . | is a folder
 run kiss room.npz --save-state k | kiss cannot be saved: slam._new is of the class
-run hector room.npz --localize bad.yaml | no such picture as none.pgm
+run hector room.npz --localize bad.yaml | its picture none.pgm is not
 run hector room.npz --localize room.npz | not a state
 run odometry room.npz --localize map.yaml | odometry cannot localize in a map that is given
 run hector room.npz --localize map.yaml --start=1,2,nan | --start
@@ -144,7 +144,7 @@ play room.npz --no-odometry --odom none | --no-odometry: got --odom
 play room.npz --rate 0 | --rate: got 0
 play room.npz --wait-for-subscriber nan | got nan, expected 0 s or more
 play room.npz --remap scan | --remap: got 'scan', expected /FROM:=/TO
-play room.npz --remap /a:=/b | --remap: /a is no topic here
+play room.npz --remap /a:=/b | --remap: no topic /a
 """
 
 

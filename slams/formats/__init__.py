@@ -1,1 +1,1 @@
-"""One file per family of file formats."""
+"""Readers and writers of file formats: logs, bags, trajectories, maps."""

@@ -1,4 +1,4 @@
-"""What is whole in a bag that is not: its records read one by one, without index and summary."""
+"""Salvages the undamaged messages of a bag: reads its records one by one, without an index."""
 
 from __future__ import annotations
 
@@ -18,68 +18,70 @@ from rosbags.rosbag1 import reader as rosbag1
 from rosbags.rosbag2 import storage_mcap as mcap
 from rosbags.typesys.msg import normalize_msgtype
 
-from slams.formats.bag import Bag, summed, write_ahead
+from slams.formats.bag import Bag, merged_topics, write_ahead_log
 from slams.formats.kind import MAGIC
-from slams.ros.messages import KNOWN, Record
+from slams.ros.messages import READABLE_TYPES, Record
 
-SCHEMA2, CHANNEL2, MESSAGE2, CHUNK2 = 3, 4, 5, 6  # op codes of mcap
-RECORD2 = struct.Struct("<Bq")  # op code and length of an mcap record
+SCHEMA_OP, CHANNEL_OP, MESSAGE_OP, CHUNK_OP = 3, 4, 5, 6  # op codes of mcap
+RECORD_HEAD = struct.Struct("<Bq")  # op code and length of an mcap record
 
-TOPICS = "SELECT id, name, type FROM topics"
-ROWS = "SELECT topic_id, timestamp, data FROM messages"
-MAX_DATABASE_SIZE = 1 << 42  # bytes, a database this large is a broken number
+TOPICS_QUERY = "SELECT id, name, type FROM topics"
+MESSAGES_QUERY = "SELECT topic_id, timestamp, data FROM messages"
+MAX_DATABASE_SIZE = 1 << 42  # bytes; a header with a larger size is broken
 
-Found = Iterator[tuple[str, str, int, bytes]]  # topic, type, received [ns], data
+Channels = dict[int, tuple[str, str]]  # topic and type by number
+RawMessages = Iterator[tuple[str, str, int, bytes]]  # topic, type, received [ns], data
 
 
 def salvaged(path: Path, kind: str) -> Bag:
-    """The messages that can still be read, with the topics they are of."""
-    found, records = list[tuple[str, str, int]](), list[Record]()
-    for topic, msgtype, received, data in _found(path, kind):
-        found.append((topic, msgtype, 1))
-        if msgtype in KNOWN:
+    """The messages that can still be read, and their topics."""
+    topics, records = list[tuple[str, str, int]](), list[Record]()
+    for topic, msgtype, received, data in _messages(path, kind):
+        topics.append((topic, msgtype, 1))
+        if msgtype in READABLE_TYPES:
             records.append(Record(topic, msgtype, received, data))
     records.sort(key=lambda record: record.received)
-    return Bag(summed(found), kind == "bag", lambda names: (r for r in records if r.topic in names))
+    kept = merged_topics(topics)
+    return Bag(kept, kind == "bag", lambda names: (r for r in records if r.topic in names))
 
 
-def _found(path: Path, kind: str) -> Found:
+def _messages(path: Path, kind: str) -> RawMessages:
     if kind == "folder":
         for file in sorted(path.iterdir()):
             if file.suffix in (".mcap", ".db3"):
-                yield from _found(file, file.suffix[1:])
+                yield from _messages(file, file.suffix[1:])
     elif kind == "db3":
-        yield from _rows(path)
+        yield from _db3_messages(path)
     elif path.stat().st_size:  # an empty file cannot be mapped
-        with path.open("rb") as stored:  # mapped, it gives no more than it has, whatever is asked
+        with path.open("rb") as stored:  # a mapped file limits reads of a broken, huge length
             data = mmap.mmap(stored.fileno(), 0, access=mmap.ACCESS_READ)
             data.seek(len(MAGIC[kind]))
-            yield from _ros1(data, {}) if kind == "bag" else _mcap(data, {}, {})
+            yield from _ros1_messages(data, {}) if kind == "bag" else _mcap_messages(data, {}, {})
 
 
-def _rows(path: Path) -> Found:
-    """Rows of a db3 until the first page that is missing or broken."""
+def _db3_messages(path: Path) -> RawMessages:
+    """Messages of a db3 up to the first page that is missing or broken."""
     with tempfile.TemporaryDirectory(prefix="slams-") as folder:
         copy = Path(folder) / "copy.db3"
         shutil.copyfile(path, copy)
-        if (log := write_ahead(path)) is not None:
+        if (log := write_ahead_log(path)) is not None:
             shutil.copyfile(log, copy.with_name(f"{copy.name}-wal"))
-        _pad(copy)
+        _restore_size(copy)
         database = sqlite3.connect(copy)
         try:
-            topics = {key: names for key, *names in database.execute(TOPICS)}
-            for key, received, data in database.execute(ROWS):
+            topics = {key: names for key, *names in database.execute(TOPICS_QUERY)}
+            for key, received, data in database.execute(MESSAGES_QUERY):
                 if key in topics and isinstance(received, int) and isinstance(data, bytes):
                     name, msgtype = topics[key]
                     yield str(name), str(msgtype), received, data
-        except (sqlite3.Error, OverflowError, UnicodeDecodeError):  # also in its own sentences
+        except (sqlite3.Error, OverflowError, UnicodeDecodeError):  # the last also in its messages
             return
         finally:
             database.close()
 
 
-def _pad(database: Path) -> None:
-    """Bring a database that is cut short to its old size: sqlite opens no other."""
+def _restore_size(database: Path) -> None:
+    """Extend a database that is cut short to its full size, because sqlite requires it."""
     with database.open("rb") as file:
         page, pages = struct.unpack(">H10xI", file.read(32)[16:].ljust(16, b"\0"))
     size = (65536 if page == 1 else page) * pages
@@ -87,21 +89,21 @@ def _pad(database: Path) -> None:
         os.truncate(database, size)
 
 
-def _ros1(file: Any, connections: dict[int, tuple[str, str]]) -> Found:
-    """Messages of ROS 1 records from where the file stands, in chunks too.
+def _ros1_messages(file: Any, connections: Channels) -> RawMessages:
+    """Messages of ROS 1 records from the file's position on, also in chunks.
 
-    A record is a header and data, each with its length before it: behind a broken header its data
-    are taken for one and fail as such, and the next record follows.
+    A record is a header and data, each preceded by its length. After a broken header its data are
+    parsed as a header, which fails, and reading continues at the next record.
     """
     while file.read(1):
         file.seek(-1, os.SEEK_CUR)
-        with suppress(Exception):  # the library's parsers raise what they stumble over
+        with suppress(Exception):  # the library's parsers raise errors of any class
             header = rosbag1.Header.read(file)
             op = header.get_uint8("op")
-            if op == rosbag1.RecordType.CHUNK:  # cut short, its beginning can still be of use
+            if op == rosbag1.RecordType.CHUNK:  # the beginning of a cut chunk may be readable
                 unpack = rosbag1.decompressors[header.get_string("compression")]
                 chunk = BytesIO(unpack(file.read(rosbag1.read_uint32(file))))
-                yield from _ros1(chunk, connections)
+                yield from _ros1_messages(chunk, connections)
             elif op == rosbag1.RecordType.CONNECTION:
                 msgtype = normalize_msgtype(rosbag1.Header.read(file).get_string("type"))
                 connections[header.get_uint32("conn")] = header.get_string("topic"), msgtype
@@ -112,26 +114,27 @@ def _ros1(file: Any, connections: dict[int, tuple[str, str]]) -> Found:
                     yield *connections[number], received, data
 
 
-def _mcap(file: Any, schemas: dict[int, str], channels: dict[int, tuple[str, str]]) -> Found:
-    """Messages of mcap records (kind, length, content) from where a file stands, in chunks too."""
-    while len(head := file.read(RECORD2.size)) == RECORD2.size:
-        op, size = RECORD2.unpack(head)
+def _mcap_messages(file: Any, schemas: dict[int, str], channels: Channels) -> RawMessages:
+    """Messages of mcap records (kind, length, content) from the file's position, also in chunks."""
+    while len(head := file.read(RECORD_HEAD.size)) == RECORD_HEAD.size:
+        op, size = RECORD_HEAD.unpack(head)
         content = file.read(size)
         record = BytesIO(content)
-        with suppress(Exception):  # the library's parsers raise what they stumble over
-            if op == CHUNK2:  # cut short, its beginning can still be of use
-                record.seek(28)  # behind three numbers and a checksum
+        with suppress(Exception):  # the library's parsers raise errors of any class
+            if op == CHUNK_OP:  # the beginning of a cut chunk may be readable
+                record.seek(28)  # after three numbers and a checksum
                 unpack = mcap.DECOMPRESSORS[mcap.read_string(record)]
                 (length,) = mcap.deserialize_uint64(record.read(8))
-                yield from _mcap(BytesIO(unpack(record.read(length), 0)), schemas, channels)
+                chunk = BytesIO(unpack(record.read(length), 0))
+                yield from _mcap_messages(chunk, schemas, channels)
             elif len(content) < size:
                 return
-            elif op == SCHEMA2:
+            elif op == SCHEMA_OP:
                 (number,) = mcap.deserialize_uint16(record.read(2))
                 schemas[number] = mcap.read_string(record)
-            elif op == CHANNEL2:
+            elif op == CHANNEL_OP:
                 number, schema = struct.unpack("<HH", record.read(4))
                 channels[number] = mcap.read_string(record), schemas.get(schema, "")
-            elif op == MESSAGE2:
+            elif op == MESSAGE_OP:
                 number, _, received, _ = mcap.deserialize_hiqq(record.read(22))
                 yield *channels[number], received, record.read()

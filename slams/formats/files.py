@@ -1,4 +1,4 @@
-"""Results appear whole or not at all: written to a temporary name, then renamed."""
+"""Result files and folders that appear complete or not at all, and checks before a run."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from pathlib import Path
 
 
 def check_folder(folder: str | Path) -> None:
-    """Refuse, before any work is done, what cannot become a folder of results.
+    """Check, before any work is done, that a path can become a folder of results.
 
     Raises:
-        NotADirectoryError: it, or what it should lie in, is a file.
+        NotADirectoryError: the path, or one of its parents, is a file.
     """
     folder = Path(folder)
     for path in (folder, *folder.parents):
@@ -23,12 +23,12 @@ def check_folder(folder: str | Path) -> None:
 
 
 def check_file(path: str | Path, *endings: str) -> None:
-    """Refuse, before any work is done, what cannot become a file, with one of these endings if any.
+    """Check, before any work is done, that a path can become a file, with one of the endings.
 
     Raises:
-        ValueError: its name ends in none of them.
-        FileNotFoundError: there is no folder to write it in.
-        IsADirectoryError: it is a folder itself.
+        ValueError: the name has none of the endings.
+        FileNotFoundError: the folder of the file does not exist.
+        IsADirectoryError: the path is a folder.
     """
     path = Path(path)
     if endings and path.suffix not in endings:
@@ -40,21 +40,21 @@ def check_file(path: str | Path, *endings: str) -> None:
 
 
 def check_new(path: str | Path, force: bool) -> None:
-    """Refuse a file, or a folder with anything in it, that exists; unless `force` replaces it.
+    """Refuse an existing file or a folder that is not empty, unless `force` is set.
 
     Raises:
         FileExistsError: the sentence names the option.
     """
     path = Path(path)
-    taken = any(path.iterdir()) if path.is_dir() else path.exists()
-    if taken and not force:
+    exists = any(path.iterdir()) if path.is_dir() else path.exists()
+    if exists and not force:
         raise FileExistsError(f"{path}: exists; --force replaces it, or choose another name")
 
 
 @contextmanager
 def complete_file(path: Path) -> Iterator[Path]:
-    """A temporary name of a file that becomes `path` when the block ends without an error."""
-    partial = _beside(path)
+    """A temporary file that is renamed to `path` when the block ends without an error."""
+    partial = _partial_path(path)
     try:
         yield partial
         partial.replace(path)
@@ -62,7 +62,7 @@ def complete_file(path: Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
-def _beside(path: Path) -> Path:
+def _partial_path(path: Path) -> Path:
     return path.with_name(f".{path.name}.{platform.node()}.{os.getpid()}.part")
 
 
@@ -70,17 +70,17 @@ def _beside(path: Path) -> Path:
 def complete_folder(folder: str | Path, stale: Collection[str] = ()) -> Iterator[Path]:
     """A temporary folder whose files move to `folder` when the block ends without an error.
 
-    Files already there are replaced only by files of the same name; those named in `stale`, of an
+    Existing files are replaced only by files of the same name; files named in `stale`, of an
     earlier result, are removed.
 
     Raises:
         OSError: the folder cannot be made or written.
     """
-    folder = Path(folder).resolve()  # "." has no name to put a temporary one beside
+    folder = Path(folder).resolve()  # the temporary name needs a name, which "." has not
     check_folder(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
-    partial = _beside(folder)
-    shutil.rmtree(partial, ignore_errors=True)  # of a killed run: process numbers repeat
+    partial = _partial_path(folder)
+    shutil.rmtree(partial, ignore_errors=True)  # left by a killed run with the same process id
     partial.mkdir()
     try:
         yield partial

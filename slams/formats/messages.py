@@ -1,4 +1,4 @@
-"""Messages of the standard ROS types as rows of numbers, topic by topic."""
+"""The messages of a bag as rows of numbers by topic, and its transforms."""
 
 from __future__ import annotations
 
@@ -9,114 +9,112 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slams.formats.bag import Bag
-from slams.formats.frames import Transforms, bare
+from slams.formats.frames import Transforms, without_slash
+from slams.formats.kind import ZSTD_MAGIC
 from slams.formats.options import DamagedError
+from slams.ros import messages as ros
 from slams.ros.attitude import ImuAttitude
-from slams.ros.messages import PATH, READ, TFS, Inertial, Record, decoder, pose_of, seconds
 from slams.scanlog import TimeSeries
 from slams.types import Floats
 from slams.validation import FAR
 
-ZSTD = b"\x28\xb5\x2f\xfd"
-
 
 class Row(NamedTuple):
-    """One message: when it was sent by its header, when received [s], whose frame it is of."""
+    """One message: stamp of its header and time of receiving [s], frame, values."""
 
-    sent: float
+    stamp: float
     received: float
     frame: str
     values: Any
 
 
 class Messages:
-    """All that was taken from a bag: rows by topic, and the transforms.
+    """The messages that were read from a bag: rows by topic, and the transforms.
 
-    `bad` counts messages that cannot be read, where that is no error because one is `salvaging`.
+    When `salvage` is set, messages that cannot be read are counted in `n_unreadable`.
     """
 
-    def __init__(self, bag: Bag, salvaging: bool) -> None:
+    def __init__(self, bag: Bag, salvage: bool) -> None:
         self.rows: dict[str, list[Row]] = defaultdict(list)
         self.transforms = Transforms()
-        self.bad = 0
-        self._bag, self._salvaging = bag, salvaging
+        self.n_unreadable = 0
+        self._bag, self._salvage = bag, salvage
 
     def collect(self, types: Mapping[str, Collection[str]]) -> None:
-        """Take the transforms, and the messages of topics, each of these types.
+        """Read the transforms, and the messages of topics with the given types.
 
-        Of a path's the last one counts.
+        Of the paths on a topic only the last is read.
 
         Raises:
             DamagedError: a message cannot be read.
         """
-        types = dict(types) | {t.name: TFS for t in self._bag.topics if t.msgtype in TFS}
-        paths: dict[str, Record] = {}
+        tf_topics = [topic.name for topic in self._bag.topics if topic.msgtype in ros.TF_TYPES]
+        types = dict(types) | dict.fromkeys(tf_topics, ros.TF_TYPES)
+        paths: dict[str, ros.Record] = {}
         for record in self._bag.records(types):
-            if record.msgtype == PATH:  # each repeats the poses of those before
+            if record.msgtype == ros.PATH_TYPE:  # each path repeats the poses of earlier ones
                 paths[record.topic] = record
             elif record.msgtype in types[record.topic]:
                 self._read(record)
         for record in paths.values():
             self._read(record)
 
-    def _read(self, record: Record) -> None:
+    def _read(self, record: ros.Record) -> None:
         ros1 = self._bag.ros1
-        if record.data.startswith(ZSTD) and not ros1:  # no message begins like this
-            raise ValueError(
-                "its messages are compressed, which only the metadata.yaml beside it tells; give "
-                "the folder of the bag"
-            )
+        if record.data.startswith(ZSTD_MAGIC) and not ros1:  # no message begins like this
+            raise ValueError("its messages are compressed by zstd; give the folder of the bag")
         try:
-            message = decoder(ros1)(record.data, record.msgtype)
-        except Exception as error:  # the library's parsers raise what they stumble over
-            if not self._salvaging:
-                what = f"a message of {record.topic} cannot be read; --salvage leaves it out"
-                raise DamagedError(what) from error
-            self.bad += 1
+            message = ros.decoder(ros1)(record.data, record.msgtype)
+        except Exception as error:  # the library's parsers raise errors of any class
+            if not self._salvage:
+                text = f"a message of {record.topic} cannot be read; --salvage leaves it out"
+                raise DamagedError(text) from error
+            self.n_unreadable += 1
             return
-        if record.msgtype in TFS:
+        if record.msgtype in ros.TF_TYPES:
             self.transforms.add(message, record.topic.endswith("static"))
             return
         received, rows = 1e-9 * record.received, self.rows[record.topic]
-        if record.msgtype == PATH:  # of which each pose is a row
-            for one in message.poses:
-                rows.append(Row(seconds(one.header.stamp), received, "", pose_of(one.pose)))
+        if record.msgtype == ros.PATH_TYPE:  # each of its poses becomes a row
+            for item in message.poses:
+                stamp = ros.seconds(item.header.stamp)
+                rows.append(Row(stamp, received, "", ros.planar_pose(item.pose)))
         else:
-            frame, values = READ[record.msgtype](message)
-            rows.append(Row(seconds(message.header.stamp), received, frame, values))
+            frame, values = ros.READERS[record.msgtype](message)
+            rows.append(Row(ros.seconds(message.header.stamp), received, frame, values))
 
     def frame(self, topic: str) -> str:
-        """The frame that most messages of a topic name."""
+        """The most frequent frame of a topic's messages."""
         frames = Counter(row.frame for row in self.rows[topic])
-        return bare(frames.most_common(1)[0][0]) if frames else ""
+        return without_slash(frames.most_common(1)[0][0]) if frames else ""
 
     def series(self, topic: str) -> tuple[Floats, list[Any]]:
-        """Stamps (n,) [s] of a topic's messages, and what each says.
+        """Stamps (n,) [s] and values of a topic's messages.
 
-        Where no header has a stamp, the time of receiving stands in.
+        If no header has a stamp, the times of receiving are used.
         """
         rows = self.rows[topic]
-        sent = np.array([row.sent for row in rows], np.float64)
-        stamps = sent if sent.any() else np.array([row.received for row in rows], np.float64)
-        return stamps, [row.values for row in rows]
+        stamps = np.array([row.stamp for row in rows], np.float64)
+        received = np.array([row.received for row in rows], np.float64)
+        return stamps if stamps.any() else received, [row.values for row in rows]
 
-    def track(self, topic: str) -> TimeSeries | None:
-        """Poses over time; what is not finite is left out."""
+    def poses(self, topic: str) -> TimeSeries | None:
+        """Poses over time; poses that are not finite are left out."""
         stamps, rows = self.series(topic)
         values: Floats = np.array(rows, np.float64).reshape(-1, 3)
-        whole = np.all(np.abs(values) < FAR, axis=1)
-        return TimeSeries(stamps[whole], values[whole]) if whole.any() else None
+        valid = np.all(np.abs(values) < FAR, axis=1)
+        return TimeSeries(stamps[valid], values[valid]) if valid.any() else None
 
 
-def tracks_of(
-    t: Floats, rows: list[Inertial], turned: Floats | None
+def imu_series(
+    t: Floats, rows: list[ros.ImuReading], rotation: Floats | None
 ) -> tuple[TimeSeries | None, TimeSeries | None]:
-    """Turn rate (n,), roll and pitch (k, 2) of all messages, stamped t; None: nothing measured."""
-    imu = ImuAttitude(turned)
-    stamped = [row._replace(sent=stamp) for stamp, row in zip(t.tolist(), rows, strict=True)]
+    """Yaw rate (n,), roll and pitch (k, 2) of all readings with stamps t; None: not measured."""
+    imu = ImuAttitude(rotation)
+    stamped = [row._replace(stamp=stamp) for stamp, row in zip(t.tolist(), rows, strict=True)]
     table = np.array([imu.push(row) for row in stamped]).reshape(-1, 4)
-    known = np.abs(table) < FAR  # nan is not
-    rated, tilted = table[known[:, 1]], table[known[:, 2:].all(axis=1)]
-    rate = TimeSeries(rated[:, 0].copy(), rated[:, 1].copy()) if len(rated) else None
-    tilt = TimeSeries(tilted[:, 0].copy(), tilted[:, 2:].copy()) if len(tilted) else None
-    return rate, tilt
+    valid = np.abs(table) < FAR  # False for nan
+    rates, tilts = table[valid[:, 1]], table[valid[:, 2:].all(axis=1)]
+    rate = TimeSeries(rates[:, 0].copy(), rates[:, 1].copy()) if len(rates) else None
+    attitude = TimeSeries(tilts[:, 0].copy(), tilts[:, 2:].copy()) if len(tilts) else None
+    return rate, attitude

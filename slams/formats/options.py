@@ -1,4 +1,4 @@
-"""What a user chooses about a recorded file, and the error that says it is not whole."""
+"""The user's options for reading a recorded file, and the error for a damaged one."""
 
 from __future__ import annotations
 
@@ -10,19 +10,18 @@ from typing import Any
 
 
 def _option(default: Any = None, **settings: Any) -> Any:
-    """A field that an option of its name sets on the command line, by argparse's settings."""
+    """A field that is set by the command line option of the same name, with argparse's settings."""
     return field(default=default, metadata=settings)
 
 
 @dataclass(frozen=True)
 class SourceOptions:
-    """What to take from a recorded file; None = decided by what is in it.
+    """What to read from a recorded file; None: decided by the file's content.
 
     `scan_topic` names the laser (a topic, or a CARMEN message such as RLASER), `more_scan_topics`
-    those of a bag's further lasers that are used with it, `odom` an odometry topic or TF frame,
-    `imu` a topic, `truth` a trajectory file, a topic or a TF frame; "none" does without.
-    `base_frame` is the TF frame that poses are of. `salvage` reads what is whole in a damaged file
-    instead of refusing it.
+    further lasers of a bag, `odom` an odometry topic or tf frame, `imu` a topic, `truth` a
+    trajectory file, a topic or a tf frame; "none" uses none. `base_frame` is the robot's tf frame,
+    whose poses are computed. `salvage` reads the undamaged part of a damaged file.
     """
 
     scan_topic: str | None = _option(
@@ -45,12 +44,12 @@ class SourceOptions:
 
 
 class DamagedError(ValueError):
-    """The file is cut short or corrupt; what is whole in it can perhaps be salvaged."""
+    """The file is cut short or corrupt; its undamaged part can perhaps be salvaged."""
 
 
 @contextmanager
-def named(paths: Sequence[Path]) -> Iterator[None]:
-    """While files of one log are read: the sentence of a refusal begins with the name of one."""
+def name_in_errors(paths: Sequence[Path]) -> Iterator[None]:
+    """Puts the name of the first file in front of errors while the files of a log are read."""
     try:
         yield
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""From a recorded file of whatever kind to a ScanLog: asks what kind it is, and its reader."""
+"""Loads a recorded file of any kind as a ScanLog: detects the kind and calls its reader."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from slams.formats import carmen, recording, trajectory
-from slams.formats.kind import BAGS, kind_of
-from slams.formats.options import SourceOptions, named
+from slams.formats.kind import BAG_KINDS, kind_of
+from slams.formats.options import SourceOptions, name_in_errors
 from slams.scanlog import ScanLog, load_npz
 from slams.validation import expect
 
-FAMILY = {"npz": "an npz file", "carmen": "a CARMEN log"}
-NOT_IN = {  # options that say nothing about a kind
+KIND_TITLES = {"npz": "an npz file", "carmen": "a CARMEN log"}
+UNUSED_OPTIONS = {  # options without an effect, by kind
     "npz": ("scan_topic", "odom", "imu", "base_frame", "salvage"),
     "carmen": ("imu", "base_frame"),
 }
-SLOW_SCAN_PERIOD, MAX_SCAN_PERIOD = 10.0, 1000.0  # [s] from scan to scan: doubtful, and never
-MIN_COVERED_SHARE = 0.9  # share of the scans that a track should reach over
+SLOW_SCAN_PERIOD, MAX_SCAN_PERIOD = 10.0, 1000.0  # s from scan to scan: noted, and refused
+MIN_COVERED_SHARE = 0.9  # of the scans; a time series that covers fewer is noted
 
 
 def load(
@@ -31,13 +31,12 @@ def load(
 
     Args:
         path: the file, or the folder of a ROS 2 bag; or the files of one recording in bags.
-        options: what to take from it where that is not plain.
+        options: choices of topics, frames and files that the log leaves open.
         choices: single options, as `scan_topic="/scan"`.
 
     Raises:
         OSError: the file cannot be opened.
-        ValueError: it holds no complete, valid log, or the options do not fit; the sentence says
-            why.
+        ValueError: it has no complete, valid log, or the options do not fit it; with the reason.
     """
     paths = [Path(path)] if isinstance(path, str | Path) else [Path(item) for item in path]
     expect(len(paths) > 0, "files", "no log given", "one, or the files of a split bag")
@@ -47,32 +46,32 @@ def load(
         if its_kind == "other":
             empty = "" if item.stat().st_size else "empty; "
             raise ValueError(f"{item}: {empty}not an npz file, a ROS bag or a CARMEN log")
-        if len(paths) > 1 and its_kind not in BAGS:
+        if len(paths) > 1 and its_kind not in BAG_KINDS:
             raise ValueError(f"{item}: is no bag; of several files only bags make one log")
     kind, one = kinds[0], f"one: {paths[0]} is no bag"
-    expect(kind in BAGS or not options.more_scan_topics, "--scan-topic", "several", one)
-    with named(paths):
+    expect(kind in BAG_KINDS or not options.more_scan_topics, "--scan-topic", "several", one)
+    with name_in_errors(paths):
         log = _with_truth(paths, kind, options)
-        pace = _pace(log)
-    return _noted(log, [*log.notes, *_left_aside(kind, options), *_uncovered(log), *pace])
+        slow = _slow_scans(log)
+    return _with_notes(log, [*log.notes, *_unused_options(kind, options), *_uncovered(log), *slow])
 
 
 def _with_truth(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog:
-    """The log with the truth of a trajectory file if one is given; bags have other truths, too."""
+    """The log, with the truth of a trajectory file if one is given; a bag can have its own."""
     wanted = options.truth
-    if wanted is None or (kind in BAGS and not trajectory.is_file(wanted)):
+    if wanted is None or (kind in BAG_KINDS and not trajectory.is_file(wanted)):
         return _read(paths, kind, options)
     log = replace(_read(paths, kind, replace(options, truth="none")), truth=None)
     if wanted == "none":
         return log
-    truth, source = trajectory.read_track(Path(wanted), options.salvage), log.meta.get("source", {})
-    if isinstance(source, dict):  # in an npz of others it can be anything
+    truth, source = trajectory.read_poses(Path(wanted), options.salvage), log.meta.get("source", {})
+    if isinstance(source, dict):  # an npz of another program can have any type here
         source = source | {"truth": Path(wanted).name}
     return replace(log, truth=truth, meta=log.meta | {"source": source})
 
 
 def _read(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog:
-    if kind in BAGS:
+    if kind in BAG_KINDS:
         return recording.read(paths, options, recording.Recording.log)
     if kind == "carmen":
         return carmen.read(paths[0], options)
@@ -82,23 +81,24 @@ def _read(paths: list[Path], kind: str, options: SourceOptions) -> ScanLog:
     return replace(log, **hidden) if hidden else log
 
 
-def _noted(log: ScanLog, notes: list[str]) -> ScanLog:
-    """The log with its notes, in its meta behind those of an earlier conversion."""
+def _with_notes(log: ScanLog, notes: list[str]) -> ScanLog:
+    """The log with its notes, in `meta` after the notes of an earlier conversion."""
     earlier = log.meta.get("notes")
     kept = [note for note in earlier if note not in notes] if isinstance(earlier, list) else []
     meta = log.meta | {"notes": [*kept, *notes]}
     return replace(log, notes=tuple(notes), meta=meta) if notes else log
 
 
-def _left_aside(kind: str, options: SourceOptions) -> list[str]:
-    """Tell of options that were given and say nothing about this kind of log."""
-    names = [n for n in NOT_IN.get(kind, ()) if getattr(options, n) not in (None, False, "none")]
+def _unused_options(kind: str, options: SourceOptions) -> list[str]:
+    """A note on given options that have no effect on this kind of log."""
+    values = {name: getattr(options, name) for name in UNUSED_OPTIONS.get(kind, ())}
+    names = [name for name, value in values.items() if value not in (None, False, "none")]
     flags = ", ".join(f"--{name.replace('_', '-')}" for name in names)
-    return [f"{flags}: nothing to choose in {FAMILY[kind]}"] if names else []
+    return [f"{flags}: nothing to choose in {KIND_TITLES[kind]}"] if names else []
 
 
-def _pace(log: ScanLog) -> list[str]:
-    """Tell of stamps that go forward in another unit than seconds, as counts from 0 can."""
+def _slow_scans(log: ScanLog) -> list[str]:
+    """A note on stamps that are probably in another unit than seconds."""
     period = log.scan_period
     expect(period < MAX_SCAN_PERIOD, "t", f"a scan every {period:g} s", "seconds")
     if period < SLOW_SCAN_PERIOD:
@@ -107,12 +107,12 @@ def _pace(log: ScanLog) -> list[str]:
 
 
 def _uncovered(log: ScanLog) -> list[str]:
-    """Tell of tracks that do not reach over the scans."""
-    tracks = {"odometry": log.odom, "the truth": log.truth, "the yaw rate": log.yaw_rate}
+    """Notes on time series that do not cover the scans."""
+    series = {"odometry": log.odom, "the truth": log.truth, "the yaw rate": log.yaw_rate}
     notes = []
-    for name, track in tracks.items():
-        if track is not None:
-            inside = int(((log.t >= track.t.min()) & (log.t <= track.t.max())).sum())
+    for name, one in series.items():
+        if one is not None:
+            inside = int(((log.t >= one.t.min()) & (log.t <= one.t.max())).sum())
             if inside < MIN_COVERED_SHARE * len(log):
                 notes.append(f"{name} covers {inside} of {len(log)} scans")
     return notes

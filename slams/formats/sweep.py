@@ -1,4 +1,4 @@
-"""Scans as drivers record them, brought to the one geometry of a log."""
+"""Scans as drivers record them, resampled to the common geometry of a log."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from numpy.typing import NDArray
 from slams.types import Floats, Laser, Pose2, Ranges
 from slams.validation import LONGEST_RANGE
 
-DIRECTION_TOLERANCE = 0.01  # directions that differ by less than this part of a step are the same
+DIRECTION_TOLERANCE = 0.01  # of the angle increment; closer directions are the same
 
 
-def usable(geometry: Laser) -> bool:
-    """Whether beams have directions: a step that is one, from an angle that is one."""
-    turning = 1e-6 < abs(geometry.angle_increment) < 7.0 or geometry.n_beams == 1
-    return geometry.n_beams > 0 and turning and abs(geometry.angle_min) < 100.0
+def has_directions(geometry: Laser) -> bool:
+    """Whether there are beams, with a plausible start angle and increment."""
+    has_step = 1e-6 < abs(geometry.angle_increment) < 7.0 or geometry.n_beams == 1
+    return geometry.n_beams > 0 and has_step and abs(geometry.angle_min) < 100.0
 
 
 class Sweep(NamedTuple):
-    """One sweep as recorded: stamp of the first beam [s], readings (n_beams,) [m], directions.
+    """One sweep as recorded: stamp of the first beam [s], readings (n_beams,) [m], geometry.
 
-    Of the geometry all but the mount is what the driver says.
+    The geometry is the driver's, without the mount.
     """
 
     t: float
@@ -34,15 +34,15 @@ class Sweep(NamedTuple):
     geometry: Laser
 
 
-class Mounted(NamedTuple):
-    """Where a laser sits: its pose in the base, whether it is upside down, its height z [m]."""
+class LaserMount(NamedTuple):
+    """A laser's pose in the base, whether it is upside down, and its height z [m]."""
 
-    mount: Pose2
+    pose: Pose2
     flipped: bool = False
     z: float = 0.0
 
 
-class Fan(NamedTuple):
+class LaserScans(NamedTuple):
     """All sweeps of one laser: stamps (n,) [s], ranges (n, b) [m], its geometry and mount."""
 
     t: Floats
@@ -50,27 +50,27 @@ class Fan(NamedTuple):
     laser: Laser
 
 
-def merged(fans: Sequence[Fan]) -> tuple[Floats, Ranges, NDArray[np.intp] | None]:
-    """Stamps (n,), ranges (n, b) and numbers of lasers (n,), in the order of stamps.
+def merged(scans: Sequence[LaserScans]) -> tuple[Floats, Ranges, NDArray[np.intp] | None]:
+    """Stamps (n,), ranges (n, b) and laser numbers (n,) of all lasers, in the order of stamps.
 
-    The scans of a single laser stay in the order of the file, without numbers.
+    The scans of a single laser keep the order of the file and have no numbers.
     """
-    if len(fans) == 1:
-        return fans[0].t, fans[0].ranges, None
-    t, sizes = np.concatenate([fan.t for fan in fans]), [len(fan.t) for fan in fans]
-    order, width = np.argsort(t, kind="stable"), max(fan.laser.n_beams for fan in fans)
-    wide = [
-        np.pad(fan.ranges, ((0, 0), (0, width - fan.laser.n_beams)), constant_values=np.nan)
-        for fan in fans
+    if len(scans) == 1:
+        return scans[0].t, scans[0].ranges, None
+    t, sizes = np.concatenate([one.t for one in scans]), [len(one.t) for one in scans]
+    order, width = np.argsort(t, kind="stable"), max(one.laser.n_beams for one in scans)
+    padded = [
+        np.pad(one.ranges, ((0, 0), (0, width - one.laser.n_beams)), constant_values=np.nan)
+        for one in scans
     ]
-    return t[order], np.concatenate(wide)[order], np.repeat(np.arange(len(fans)), sizes)[order]
+    return t[order], np.concatenate(padded)[order], np.repeat(np.arange(len(scans)), sizes)[order]
 
 
-def common(sweeps: Sequence[Sweep], mounted: Mounted, notes: list[str]) -> Fan:
-    """All sweeps, in the most common geometry.
+def resampled(sweeps: Sequence[Sweep], mount: LaserMount, notes: list[str]) -> LaserScans:
+    """All sweeps in their most common geometry.
 
-    A sweep of another geometry gives each direction its nearest reading, at most half a step away.
-    The beams of a laser that is mounted upside down turn the other way round.
+    A sweep of another geometry gives each direction the nearest reading within half a step.
+    The angles of a laser that is mounted upside down change their sign.
     """
     geometry = _most_common(sweeps)
     rows, changed = np.empty((len(sweeps), geometry.n_beams), np.float32), 0
@@ -78,7 +78,7 @@ def common(sweeps: Sequence[Sweep], mounted: Mounted, notes: list[str]) -> Fan:
         if same_directions(sweep.geometry, geometry):
             row[:] = sweep.ranges
         else:
-            row[:] = _resampled(sweep, geometry)
+            row[:] = _readings_at(sweep, geometry)
             changed += 1
     if changed:
         notes.append(
@@ -87,22 +87,22 @@ def common(sweeps: Sequence[Sweep], mounted: Mounted, notes: list[str]) -> Fan:
         )
     t = np.array([sweep.t for sweep in sweeps])
     range_min, range_max = _limits(geometry, rows, notes)
-    sign = -1.0 if mounted.flipped else 1.0
+    sign = -1.0 if mount.flipped else 1.0
     laser = replace(
         geometry,
         angle_min=sign * geometry.angle_min,
         angle_increment=sign * geometry.angle_increment,
         range_min=range_min,
         range_max=range_max,
-        mount=mounted.mount,
-        mount_z=mounted.z,
+        mount=mount.pose,
+        mount_z=mount.z,
         time_increment=_time_increment(geometry, t, notes),
     )
-    return Fan(t, rows, laser)
+    return LaserScans(t, rows, laser)
 
 
 def _most_common(sweeps: Sequence[Sweep]) -> Laser:
-    """The geometry most sweeps have; the drivers' rounding of angles set aside, the first wins."""
+    """The most frequent geometry, up to the drivers' rounding of angles; else the first one."""
     rounded = Counter(_rounded(sweep.geometry) for sweep in sweeps)
     best = rounded.most_common(1)[0][0]
     exact = Counter(sweep.geometry for sweep in sweeps if _rounded(sweep.geometry) == best)
@@ -114,7 +114,7 @@ def _rounded(geometry: Laser) -> tuple[int, float, float]:
 
 
 def same_directions(a: Laser, b: Laser) -> bool:
-    """Whether the beams of both point the same way, drivers' rounding of angles set aside."""
+    """Whether the beams of both have the same directions, up to the drivers' rounding."""
     if a.n_beams != b.n_beams:
         return False
     tolerance = DIRECTION_TOLERANCE * abs(b.angle_increment)
@@ -122,34 +122,34 @@ def same_directions(a: Laser, b: Laser) -> bool:
     return abs(a.angle_min - b.angle_min) <= tolerance and spread <= tolerance
 
 
-def _resampled(sweep: Sweep, target: Laser) -> Ranges:
-    """Readings in the target's directions; nan where the sweep has none."""
+def _readings_at(sweep: Sweep, target: Laser) -> Ranges:
+    """Readings (n_beams,) in the target's directions; nan where the sweep has none."""
     source = sweep.geometry
     row = np.full(target.n_beams, np.nan, np.float32)
     if source.n_beams == 1 or target.n_beams == 1:
         return row
-    turn = 2.0 * math.pi / abs(source.angle_increment)
-    place = (target.angles - source.angle_min) / source.angle_increment
-    nearest = np.floor((place + 0.5) % turn).astype(np.intp)  # a whole turn on is the same beam
+    revolution = 2.0 * math.pi / abs(source.angle_increment)
+    index = (target.angles - source.angle_min) / source.angle_increment
+    nearest = np.floor((index + 0.5) % revolution).astype(np.intp)  # angles repeat after 2 pi
     inside = nearest < source.n_beams
     row[inside] = sweep.ranges[nearest[inside]]
     return row
 
 
 def _limits(geometry: Laser, rows: Ranges, notes: list[str]) -> tuple[float, float]:
-    """The driver's range limits, or what the readings say where it gives none."""
+    """The driver's range limits, or limits from the readings if those are not valid."""
     low, high = geometry.range_min, geometry.range_max
     if not 0.0 <= low < LONGEST_RANGE:
         low = 0.0
     if not low < high <= LONGEST_RANGE:
-        seen = rows[(rows > low) & (rows < LONGEST_RANGE)]
-        high = min(float(seen.max()) * 1.001, LONGEST_RANGE) if seen.size else low + 1.0
-        notes.append(f"range_max is {geometry.range_max:g}; {high:.2f} m are taken instead")
+        valid = rows[(rows > low) & (rows < LONGEST_RANGE)]
+        high = min(float(valid.max()) * 1.001, LONGEST_RANGE) if valid.size else low + 1.0
+        notes.append(f"range_max is {geometry.range_max:g}; {high:.2f} m is used instead")
     return low, high
 
 
 def _time_increment(geometry: Laser, t: Floats, notes: list[str]) -> float:
-    """The driver's time from beam to beam, 0 where it cannot be true."""
+    """The driver's time from beam to beam [s], 0 if it is not plausible."""
     increment = geometry.time_increment
     if not math.isfinite(increment) or increment < 0.0:
         return 0.0

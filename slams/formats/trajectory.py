@@ -1,4 +1,4 @@
-"""Trajectories: TUM, as evo has it, written and read, csv written; and those in bags."""
+"""Trajectory files: TUM as in evo, csv (written only), and trajectories in bags."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from slams.formats import recording
-from slams.formats.kind import BAGS, is_bag_folder, kind_of
+from slams.formats.kind import BAG_KINDS, is_bag_folder, kind_of
 from slams.formats.options import SourceOptions
 from slams.formats.packed import text_of
 from slams.ros.attitude import headings
@@ -16,8 +16,8 @@ from slams.scanlog import TimeSeries
 from slams.types import Floats
 from slams.validation import expect
 
-TUM = "t x y z qx qy qz qw"  # columns [s, m]
-MAX_DISORDER = 0.1  # share of stamps before the one ahead of them that is still a recording
+TUM_COLUMNS = "t x y z qx qy qz qw"  # columns [s, m]
+MAX_DISORDER_SHARE = 0.1  # of the stamps that may be earlier than the stamp before them
 MIN_QUATERNION_NORM = 1e-6  # of a quaternion that is a rotation
 
 
@@ -34,84 +34,82 @@ def write_tum(path: str | Path, t: Floats, poses: Floats) -> None:
     table = np.column_stack(
         [t, poses[:, 0], poses[:, 1], zero, zero, zero, np.sin(half), np.cos(half)]
     )
-    np.savetxt(path, table, fmt="%.9f", header=TUM)
+    np.savetxt(path, table, fmt="%.9f", header=TUM_COLUMNS)
 
 
 def read_trajectory(
     spec: str | Path, log_path: str | Path | None = None, options: SourceOptions | None = None
 ) -> TimeSeries:
-    """A trajectory that any program wrote: a file, or a topic or tf frame of the log's bag.
+    """The trajectory of another program: a file, or a topic or tf frame of the log's bag.
 
-    What `spec` names is looked for in this order ("/name" is never a file of the folder one is
-    in, so it always gets the topic or frame):
+    `spec` is searched in this order ("/name" always means a topic or frame, never a file):
 
-    1. A file: TUM, plain or packed by gzip; or result.mcap: its poses on /pose.
+    1. A file: TUM, plain or compressed by gzip, or result.mcap with poses on /pose.
     2. A topic of the bag `log_path`: Odometry, PoseStamped, PoseWithCovarianceStamped, or the
-       last message of a Path. Poses of another frame than the log's base are carried to it.
-    3. A tf frame of that bag, mostly "map": the log's base in it through all frames between, at
-       the stamps of the one among them that has most. The others are interpolated as by tf, x and
-       y linearly and the heading the short way round, and nothing is extrapolated but transforms
-       that never change.
+       last message of a Path. Poses of a frame that is fixed to the log's base are transformed.
+    3. A tf frame of that bag, such as "map": the base's poses in it, at the stamps of the most
+       frequent transform between them. The others are interpolated as by tf, x and y linearly and
+       the heading by the shorter rotation; only fixed transforms are extrapolated.
 
     Args:
-        spec: what to read.
+        spec: name of the file, topic or frame.
         log_path: the log that the trajectory belongs to.
-        options: how the log was read; its `base_frame` and `scan_topic` say what the base is.
+        options: how the log was read; its `base_frame` and `scan_topic` decide the base.
 
     Returns:
-        Stamps (n,) [s] and poses (n, 3), n >= 2, all finite. Stamps ascend: they are put in order,
-        and of equal ones the first recorded counts, as in tf.
+        Stamps (n,) [s] and poses (n, 3), n >= 2, all finite. Stamps are sorted; of equal ones the
+        first recorded is kept, as in tf.
 
     Raises:
         OSError: there is no such file, or it cannot be opened.
-        ValueError: there is no such topic or frame, or what it has is no trajectory: fewer than
-            two stamps, poses that are not finite, stamps in no order. The sentence says which.
+        ValueError: there is no such topic or frame, or no trajectory in it: fewer than two stamps,
+            poses that are not finite, stamps in disorder. The sentence names the reason.
     """
     name, options = str(spec), options or SourceOptions()
     if is_file(name):
-        return _in_order(name, read_track(Path(name), options.salvage))
-    if log_path is None or kind_of(Path(log_path)) not in BAGS:
-        what = "a directory without a bag" if Path(name).is_dir() else "no such file"
+        return _in_order(name, read_poses(Path(name), options.salvage))
+    if log_path is None or kind_of(Path(log_path)) not in BAG_KINDS:
+        error = "a directory without a bag" if Path(name).is_dir() else "no such file"
         log = "without a bag there are" if log_path is None else f"{log_path} is no bag, it has"
-        raise FileNotFoundError(f"{name}: {what}; {log} no topics and frames")
+        raise FileNotFoundError(f"{name}: {error}; {log} no topics and frames")
     options = replace(options, truth=name, imu="none")
-    track = recording.read([Path(log_path)], options, recording.Recording.track)
-    return _in_order(f"{log_path}: {name}", track)
+    poses = recording.read([Path(log_path)], options, recording.Recording.poses)
+    return _in_order(f"{log_path}: {name}", poses)
 
 
-def read_track(path: Path, salvage: bool = False) -> TimeSeries:
-    """The poses of a file of any kind, as recorded: TUM, or those on /pose of a result.mcap.
+def read_poses(path: Path, salvage: bool = False) -> TimeSeries:
+    """The poses in a file, as recorded: TUM, or /pose of a result.mcap.
 
     Raises:
         OSError: the file cannot be opened.
-        ValueError: it is none of them; the sentence says what was found.
+        ValueError: the file is neither; the sentence names its content.
     """
     kind = kind_of(path)
     expect(kind != "npz", f"{path}", "an npz file", "a trajectory: TUM or a bag")
-    if kind not in BAGS:
+    if kind not in BAG_KINDS:
         return TimeSeries(*read(path))
     options = SourceOptions(odom="none", imu="none", truth="/pose", salvage=salvage)
-    return recording.read([path], options, recording.Recording.track)
+    return recording.read([path], options, recording.Recording.poses)
 
 
 def is_file(spec: str) -> bool:
-    """Whether a trajectory's name is that of a file, or of the folder of a ROS 2 bag.
+    """Whether a trajectory's name is a file or the folder of a ROS 2 bag.
 
     Raises:
-        OSError: a folder cannot be looked into.
+        OSError: a folder cannot be read.
     """
     path = Path(spec)
     return path.is_file() or (path.is_dir() and is_bag_folder(path))
 
 
 def read(path: str | Path) -> tuple[Floats, Floats]:
-    """A TUM file, packed by gzip or not: t (n,) [s] and poses (n, 3), all finite.
+    """Stamps (n,) [s] and poses (n, 3) of a TUM file, compressed by gzip or not, all finite.
 
     Lines that begin with # are comments.
 
     Raises:
         OSError: the file cannot be opened.
-        ValueError: it is none; the sentence says what was found.
+        ValueError: it is no TUM file; the sentence names its content.
     """
     lines = [line.strip() for line in text_of(Path(path)).split("\n")]
     rows = [line for line in lines if line and line[0] != "#"]
@@ -119,31 +117,27 @@ def read(path: str | Path) -> tuple[Floats, Floats]:
     try:
         table: Floats = np.loadtxt(rows, ndmin=2)
     except ValueError as error:
-        raise ValueError(f"{path}: not lines of {TUM} ({error})") from error
+        raise ValueError(f"{path}: not lines of {TUM_COLUMNS} ({error})") from error
     columns = table.shape[1]
-    expect(columns == len(TUM.split()), f"{path}", f"{columns} columns", TUM)
+    expect(columns == len(TUM_COLUMNS.split()), f"{path}", f"{columns} columns", TUM_COLUMNS)
     with np.errstate(over="ignore", invalid="ignore"):
         is_rotation = np.linalg.norm(table[:, 4:], axis=1) > MIN_QUATERNION_NORM
         heading = np.where(is_rotation, headings(table[:, 4:]), np.nan)
     poses = np.column_stack([table[:, 1:3], heading])
-    broken = int((~np.isfinite(np.column_stack([table[:, 0], poses]))).any(axis=1).sum())
-    if broken:
-        raise ValueError(
-            f"{path}: {broken} of {len(table)} poses are not finite or no rotation, expected "
-            "numbers"
-        )
+    n_broken = int((~np.isfinite(np.column_stack([table[:, 0], poses]))).any(axis=1).sum())
+    if n_broken:
+        problem = f"{n_broken} of {len(table)} poses are not finite or no rotation"
+        raise ValueError(f"{path}: {problem}, expected numbers")
     return table[:, 0], poses
 
 
-def _in_order(what: str, track: TimeSeries) -> TimeSeries:
-    """Stamps ascending, the first of equal ones; at least two of them."""
-    back = int((np.diff(track.t) < 0.0).sum())
-    if back > MAX_DISORDER * len(track.t):
-        raise ValueError(
-            f"{what}: {back} of {len(track.t)} stamps lie before the one ahead of them; expected "
-            "poses in the order of time"
-        )
-    t, first = np.unique(track.t, return_index=True)
-    got = f"{len(track.t)} poses at one stamp ({t[0]:.6g} s)"
-    expect(len(t) > 1, what, got, "a trajectory")
-    return TimeSeries(t, track.values[first])
+def _in_order(name: str, poses: TimeSeries) -> TimeSeries:
+    """The poses sorted by stamp, of equal stamps the first one; at least two poses."""
+    n_earlier = int((np.diff(poses.t) < 0.0).sum())
+    if n_earlier > MAX_DISORDER_SHARE * len(poses.t):
+        error = f"{n_earlier} of {len(poses.t)} stamps are earlier than the stamp before them"
+        raise ValueError(f"{name}: {error}; expected poses in the order of time")
+    t, first = np.unique(poses.t, return_index=True)
+    got = f"{len(poses.t)} poses at one stamp ({t[0]:.6g} s)"
+    expect(len(t) > 1, name, got, "a trajectory")
+    return TimeSeries(t, poses.values[first])

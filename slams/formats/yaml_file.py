@@ -1,4 +1,4 @@
-"""YAML that people write: a few values, not nested deeply, without aliases (ROS 2 takes none)."""
+"""Small YAML files written by people: not nested deeply, without aliases (as in ROS 2)."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ MAX_FILE_SIZE = 1 << 18  # bytes; parameter files have a few thousand
 
 
 class _Loader(yaml.SafeLoader):
-    """Stops at an alias, of which a few lines can make gigabytes."""
+    """Refuses aliases: with them a few lines can expand to gigabytes."""
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        """Take the next node and all below it."""
+        """Compose the next node and all nodes below it."""
         if self.check_event(yaml.AliasEvent):
             raise ValueError("it has an alias *name; write the value there")
         return super().compose_node(parent, index)
 
 
 def read_text(path: Path) -> str:
-    """A text file of the size that people write.
+    """The content of a text file of at most `MAX_FILE_SIZE`.
 
     Raises:
-        OSError: it cannot be read.
-        ValueError: it is larger, or not text.
+        OSError: the file cannot be read.
+        ValueError: the file is larger, or not text.
     """
     with path.open("rb") as file:
         raw = file.read(MAX_FILE_SIZE + 1)
@@ -38,7 +38,7 @@ def read_text(path: Path) -> str:
 
 
 def parse(text: str, path: Path) -> Any:
-    """What a YAML text says, as plain Python values; `path` is where it stands.
+    """The content of a YAML text as plain Python values; `path` is its file, for errors.
 
     Raises:
         ValueError: it is no YAML, nested too deeply, or has aliases.
@@ -47,6 +47,6 @@ def parse(text: str, path: Path) -> Any:
         return yaml.load(text, _Loader)
     except RecursionError:
         raise ValueError(f"{path}: nested too deeply for a file of parameters") from None
-    except (yaml.YAMLError, TypeError, ValueError) as error:  # also a date that is none
+    except (yaml.YAMLError, TypeError, ValueError) as error:  # ValueError: an invalid date
         reason = " ".join(str(error).split())
         raise ValueError(f"{path}: not a YAML file ({reason})") from error

@@ -1,1 +1,1 @@
-"""SLAM on a robot: scans pushed one by one, or taken from the network by `slams live`."""
+"""SLAM on a robot: a library class fed scan by scan, and the ROS 2 node `slams live`."""

@@ -1,4 +1,4 @@
-"""slams live: an algorithm on a robot, scans in, map and transforms out, by ROS 2."""
+"""slams live: run an algorithm on a robot; ROS 2 scans in, map and transforms out."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
         prog="slams live",
-        description="Run one SLAM algorithm on a robot: it subscribes scans, odometry, gyro and tf "
-        "by ROS 2 and publishes map, transform, pose and state. No ROS needed. Ctrl-C ends it and "
-        "writes the results.",
+        description="Run one SLAM algorithm on a robot: it subscribes to scans, odometry, gyro and "
+        "tf by ROS 2 and publishes map, transform, pose and state. No ROS is needed. Ctrl-C ends "
+        "the node and writes the results.",
     )
     cli.add_algorithm_options(p)
     p.add_argument(
@@ -58,10 +58,10 @@ def _command(arguments: argparse.Namespace) -> int:
 
     folder = Path(arguments.out or f"results/live-{entry.label.replace(':', '.')}")
     cli.refusing(lambda: check_folder(folder))
-    terminal, ending = Terminal(arguments), _ending()
+    terminal, ending = Terminal(arguments), _end_event()
     node = cli.refusing(lambda: _node(arguments, entry.label, params, terminal))
     gc.collect()
-    gc.freeze()  # no search for garbage among all that was loaded while a scan waits
+    gc.freeze()  # later collections skip what is loaded by now: they would delay a scan
     try:
         node.start(ending)
         node.run(ending, lambda: terminal.show_status(node))
@@ -69,25 +69,25 @@ def _command(arguments: argparse.Namespace) -> int:
         terminal.end()
         cli.refusing(node.close)
     if not node.drive.t:
-        sought, why = node.scans.counts["sought"], "ended before the first scan"
-        if sought:
-            why = f"the place in the map is not sure after {sought} scans ({node.live.candidates})"
-        raise RuntimeError(f"{why}; nothing is written")
+        searched, reason = node.scans.counts["sought"], "ended before the first scan"
+        if searched:
+            reason = f"not localized in the map after {searched} scans ({node.live.candidates})"
+        raise RuntimeError(f"{reason}; nothing is written")
     if arguments.save_state:
         cli.refusing(lambda: node.live.save(arguments.save_state))
     cli.refusing(lambda: write_results(folder, entry.label, node))
     if not arguments.quiet:
         dropped = node.scans.counts["dropped"]
-        spent = ", ".join(f"{name} {value} ms" for name, value in node.drive.delay_ms().items())
+        delays = ", ".join(f"{name} {value} ms" for name, value in node.drive.delay_ms().items())
         sys.stdout.write(
             f"{len(node.drive.t)} scans, {dropped} left out; "
-            f"from scan to pose: {spent}\n{folder}/: {', '.join(files_of_run(folder))}\n"
+            f"from scan to pose: {delays}\n{folder}/: {', '.join(files_of_run(folder))}\n"
         )
     return 0
 
 
 def _node(arguments: argparse.Namespace, label: str, params: Params, terminal: Terminal) -> Node:
-    """The node, compiled; its algorithm is new, from a state, or in a map that stays."""
+    """The node with compiled kernels; its algorithm is new, resumed, or localizes in a map."""
     from slams.live.node import Node
     from slams.live.recorder import Recorder
     from slams.live.slam import LiveSlam
@@ -98,17 +98,17 @@ def _node(arguments: argparse.Namespace, label: str, params: Params, terminal: T
     live = LiveSlam(label, state=saved, map=given, map_start=start, **values)
     if arguments.save_state:
         live.check_saving(arguments.save_state)
-    node = Node(live, transport, options, terminal.say)
+    node = Node(live, transport, options, terminal.notify)
     if arguments.record is not None:
         node.recorder = Recorder(arguments.record, options)
     return node
 
 
 def write_results(folder: Path, label: str, node: Node) -> None:
-    """Write map, trajectory and what happened, whole or not at all.
+    """Write map, trajectory and summary, all of them or none.
 
     Raises:
-        OSError: they cannot be written.
+        OSError: a file cannot be written.
     """
     import numpy as np
 
@@ -123,12 +123,12 @@ def write_results(folder: Path, label: str, node: Node) -> None:
     write_drive(folder, live.map(), (np.array(drive.t), poses, live.corrected()), summary)
 
 
-def _ending() -> threading.Event:
-    """What Ctrl-C and SIGTERM set; a second Ctrl-C does not wait for the results."""
+def _end_event() -> threading.Event:
+    """The event that Ctrl-C and SIGTERM set; a second Ctrl-C interrupts without results."""
     ending = threading.Event()
 
     def end(*_: object) -> None:
-        """Let the node end."""
+        """Ask the node to end."""
         ending.set()
         signal.signal(signal.SIGINT, signal.default_int_handler)
 

@@ -1,4 +1,4 @@
-"""Sentences about a node for its user, and a status line on a terminal."""
+"""Diagnostics of a node for its user, and a status line on a terminal."""
 
 from __future__ import annotations
 
@@ -10,90 +10,90 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from slams import cli
+from slams.live.scans import SCAN_TIMEOUT
 
 if TYPE_CHECKING:
     from slams.live.node import Node
 
-MAX_SILENCE = 2.0  # [s] without a scan that are reported
-PERIOD = 10.0  # [s] until the same is reported again
-CLEAR = "\r\x1b[K"
-COUNTERS = {  # of `Node.report`: reported when there are more than before
+REPORT_PERIOD = 10.0  # s before the same is reported again
+CLEAR_LINE = "\r\x1b[K"
+COUNT_MESSAGES = {  # by key of `Node.report`: reported when the count has grown
     "dropped": "scans left out so far: the algorithm is slower than the laser; the newest are used",
-    "clock_set_back": "times the clock was set back; it is followed",
-    "repeated": "scans have the stamp of the one before and are left out: does the driver stamp "
+    "clock_set_back": "times the clock was set back; the node follows it",
+    "repeated": "scans have the stamp of the previous scan and are left out: does the driver stamp "
     "them?",
-    "late": "scans came late, after newer ones, and are left out",
-    "no_odometry": "scans so far without odometry in time (--wait is how long)",
+    "late": "scans arrived after newer ones and are left out",
+    "no_odometry": "scans so far had no odometry in time (--wait sets how long they wait)",
     "other_frame": "scans of another frame than the first are left out: two lasers on one topic",
-    "unplaced": "scans of a further laser are left out: tf has no fixed way from the base to it",
-    "unsent": "messages were not taken by the network in time",
+    "unplaced": "scans of a further laser are left out: tf has no fixed transform to its frame",
+    "unsent": "messages were not accepted by the network in time",
 }
 
-Say = Callable[[str], None]
+Notify = Callable[[str], None]
 
 
 class Diagnostics:
-    """Reports what goes wrong, at most every `PERIOD`, and what is assumed, once.
+    """Reports a problem at most once per `REPORT_PERIOD`, and an assumption once.
 
     Args:
-        say: what tells the user a sentence.
+        notify: shows a sentence to the user.
     """
 
-    def __init__(self, say: Say) -> None:
-        self._say = say
-        self._said: dict[str, float] = {}  # [s] when, by what it is about
-        self._numbers: dict[str, int] = {}
+    def __init__(self, notify: Notify) -> None:
+        self._notify = notify
+        self._reported_at: dict[str, float] = {}  # s, by subject
+        self._reported_counts: dict[str, int] = {}
 
     def check(self, report: Mapping[str, Any], last_scans: Mapping[str, float]) -> None:
-        """Report what has changed; to be called about once a second.
+        """Report missing scans and counts that have grown; to be called about once a second.
 
         Args:
             report: the node's counts.
-            last_scans: when each laser's last one came [s], on this machine's clock, by topics.
+            last_scans: by topic, when the last scan was received [s, monotonic].
         """
         for topic, last_scan in last_scans.items():
-            silent = time.monotonic() - last_scan
-            if silent > MAX_SILENCE:
-                text = f"no scan on {topic} for {silent:.0f} s: is the laser unplugged?"
-                self._tell(topic, text, PERIOD)
-        for name, sentence in COUNTERS.items():
+            since = time.monotonic() - last_scan
+            if since > SCAN_TIMEOUT:
+                text = f"no scan on {topic} for {since:.0f} s: is the laser unplugged?"
+                self._report(topic, text, REPORT_PERIOD)
+        for name, sentence in COUNT_MESSAGES.items():
             self.count(name, report[name], sentence)
 
     def count(self, name: str, number: int, sentence: str) -> None:
-        """Report how often something happened, when it is more often than reported before."""
-        is_more = number > self._numbers.get(name, 0)
-        if is_more and self._tell(name, f"{number} {sentence}", PERIOD):
-            self._numbers[name] = number
+        """Report a count that is larger than the one reported before."""
+        is_more = number > self._reported_counts.get(name, 0)
+        if is_more and self._report(name, f"{number} {sentence}", REPORT_PERIOD):
+            self._reported_counts[name] = number
 
     def note(self, sentence: str) -> None:
         """Report an assumption, once."""
-        self._tell(sentence, sentence, math.inf)
+        self._report(sentence, sentence, math.inf)
 
-    def _tell(self, about: str, sentence: str, period: float) -> bool:
-        """Say a sentence, unless something about the same was said in the last `period` [s]."""
+    def _report(self, subject: str, sentence: str, period: float) -> bool:
+        """Report a sentence, unless its subject was reported in the last `period` [s]."""
         now = time.monotonic()
-        is_due = now - self._said.get(about, -math.inf) >= period
+        is_due = now - self._reported_at.get(subject, -math.inf) >= period
         if is_due:
-            self._said[about] = now
-            self._say(sentence)
+            self._reported_at[subject] = now
+            self._notify(sentence)
         return is_due
 
 
 class Terminal:
-    """Notes on stderr; on a terminal a status line, too, unless the arguments say `quiet`."""
+    """Notes on stderr, and a status line if stderr is a terminal, unless the user wants quiet."""
 
     def __init__(self, arguments: argparse.Namespace) -> None:
         self._arguments = arguments
         self._line = sys.stderr.isatty() and not arguments.quiet
 
-    def say(self, sentence: str) -> None:
+    def notify(self, sentence: str) -> None:
         """Show a sentence."""
         if self._line:
-            sys.stderr.write(CLEAR)
+            sys.stderr.write(CLEAR_LINE)
         cli.show_notes(self._arguments, [sentence])
 
     def show_status(self, node: Node) -> None:
-        """Show how many scans came, and where the robot is."""
+        """Show the number of scans, the pose and the state."""
         if not self._line:
             return
         text, estimate = "waiting for scans", node.live.last
@@ -105,10 +105,10 @@ class Terminal:
                 f"x {x:.2f} y {y:.2f} m, {math.degrees(theta):.0f} deg; "
                 f"{estimate.state} {estimate.quality:.2f}{explained}"
             )
-        sys.stderr.write(f"{CLEAR}{text}")
+        sys.stderr.write(f"{CLEAR_LINE}{text}")
         sys.stderr.flush()
 
     def end(self) -> None:
-        """Leave the status line."""
+        """Finish the status line."""
         if self._line:
             sys.stderr.write("\n")

@@ -1,4 +1,4 @@
-"""Estimate: what is known after a scan, whatever the algorithm reports of itself."""
+"""Estimate: pose, covariance and state after a scan, the same for all algorithms."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from dataclasses import dataclass
 from slams.types import Floats, Pose2
 
 MATCHED, PREDICTED, LOST = STATES = ("matched", "predicted", "lost")
-LATE_IN_A_ROW = 10  # after so many scans from the past the clock was set back
+MAX_CONSECUTIVE_LATE = 10  # stamps older than the newest; after more the clock was set back
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What is known after a scan.
+    """The algorithm's result after a scan.
 
     Attributes:
-        t: stamp of the scan the pose belongs to (its first beam) [s].
+        t: stamp of the scan (of its first beam) [s].
         pose: T_map_base.
-        map_to_odom: T_map_odom, what a ROS node publishes; None for a scan without odometry.
+        map_to_odom: T_map_odom, as a ROS node publishes it; None for a scan without odometry.
         covariance: of the pose, (3, 3) [m, rad]; inf on the diagonal where the algorithm has none.
-        quality: share of the scan that agrees with the map, 0..1; nan where there is none.
-        used: False for a scan from the past or sent twice: the estimate before is repeated.
-        seconds_lost: for how long the scans have not fitted the map.
+        quality: match score of the scan, 0..1; nan where the algorithm has none.
+        used: False for a scan that is late or repeated; the previous estimate is given again.
+        seconds_lost: time since the last scan that was not lost [s].
         state: "matched", "predicted" (from odometry or motion alone) or "lost"; "matched" where the
-            algorithm does not tell.
-        found: False while the place in a given map is sought; the pose is the likeliest one.
+            algorithm reports no state.
+        found: False during global localization in a given map; the pose is the likeliest one.
         explained: share of the scan that a given map explains, 0..1; nan without such a map.
     """
 
@@ -42,5 +42,5 @@ class Estimate:
 
     @property
     def lost(self) -> bool:
-        """Whether the scan did not fit the map: the pose is a prediction."""
+        """Whether the state is "lost"."""
         return self.state == LOST

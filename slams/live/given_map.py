@@ -1,4 +1,4 @@
-"""A robot whose place in a map that stays may be unknown: it is sought scan by scan."""
+"""Localization in a given map: global localization scan by scan, then tracking."""
 
 from __future__ import annotations
 
@@ -18,21 +18,20 @@ if TYPE_CHECKING:
     from slams.registry import Entry
 
 
-class Seeker:
-    """A `Slam` that seeks its place in a map; once that is sure, its `localizer` goes on.
+class GivenMapSlam:
+    """A `Slam` that localizes in a fixed map; after global localization its `localizer` tracks.
 
-    From the scan at which the place is sure the poses are those of `slams.run --localize` on the
-    same scans. Before, they are the likeliest place's, and `explained` is the share of the last
-    scan's beams that the map explains there, 0..1.
-
-    Slow preparations are done in the constructor, before the scans come.
+    From the scan at which the robot is localized, the poses are those of `slams.run --localize` on
+    the same scans. Until then they are those of the likeliest candidate, and `explained` is the
+    share of the last scan's beams that the map explains there, 0..1. The constructor is slow.
 
     Args:
         entry: the algorithm.
         params: its parameters.
         given: the map.
-        start: about where the base is at the first scan, x, y [m], theta [rad]; None seeks it.
-        notes: gets a sentence about where it was found.
+        start: approximate pose of the base at the first scan, x, y [m], theta [rad]; None:
+            global localization.
+        notes: receives a sentence with the pose at which the robot was localized.
 
     Raises:
         OSError, TypeError, ValueError: as `open_map` and `prepare`.
@@ -50,42 +49,42 @@ class Seeker:
         notes: list[str],
     ) -> None:
         if isinstance(given, OccupancyGrid):
-            whole = GivenMap(given, None, "")
+            opened = GivenMap(given, None, "")
         else:
-            whole = open_map(given, notes)
-        self._ready, self._notes = prepare(entry, params, whole), notes
+            opened = open_map(given, notes)
+        self._prepared, self._notes = prepare(entry, params, opened), notes
         self._start = None if start is None else Pose2(*map(float, start))
         if start is None:
-            self._ready.map_index.prepare(Work())
-        self._global = GlobalLocalizer(self._ready.map_index)
-        self._sought = 0
+            self._prepared.map_index.prepare(Work())
+        self._global_localizer = GlobalLocalizer(self._prepared.map_index)
+        self._n_searched = 0
         self.localizer: Localizer | None = None
         self.explained = 0.0
 
     def update(self, scan: Scan) -> Pose2:
-        """Take the next scan; the base's pose in the map, or the likeliest one."""
+        """Process the next scan; gives the base's pose in the map, or the likeliest candidate."""
         if self._start is not None:
-            _, pose, note = start_at(self._ready.map_index, [scan], self._start)
-        elif (found := self._global.add(scan)) is not None:
-            pose, note = found.pose, f"found at {found} after {self._sought} scans"
+            _, pose, note = start_at(self._prepared.map_index, [scan], self._start)
+        elif (found := self._global_localizer.add(scan)) is not None:
+            pose, note = found.pose, f"found at {found} after {self._n_searched} scans"
         else:
-            self._sought += 1
-            best = self._global.candidates[:1]
+            self._n_searched += 1
+            best = self._global_localizer.candidates[:1]
             self.explained = best[0].inliers if best else 0.0
             return best[0].pose if best else IDENTITY
         self._notes.append(note)
-        self.localizer = self._ready.at(pose)
+        self.localizer = self._prepared.at(pose)
         return self.localizer.update(scan)
 
     def map(self) -> OccupancyGrid:
-        """The map it was given."""
-        return self._ready.map_index.grid
+        """The given map."""
+        return self._prepared.map_index.grid
 
     def report(self) -> dict[str, Any]:
         """The algorithm's counts."""
-        return dict(self._ready.slam.report())
+        return dict(self._prepared.slam.report())
 
     @property
     def candidates(self) -> str:
-        """The likeliest places in words."""
-        return f"most likely: {self._global.likely}"
+        """The likeliest candidates as text."""
+        return f"most likely: {self._global_localizer.likely}"

@@ -1,4 +1,4 @@
-"""The network of the live commands, with ROS's defaults."""
+"""Network options of the live commands, with ROS's defaults."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def add_network_options(parser: argparse.ArgumentParser) -> None:
-    """Give a command the options of ROS 2's network."""
+    """Add the options of ROS 2's network to a command."""
     group = parser.add_argument_group(
         "network", "ROS 2's network protocol (DDS), with the names and settings of ROS"
     )
@@ -33,7 +33,7 @@ def add_network_options(parser: argparse.ArgumentParser) -> None:
 
 
 def transport_of(arguments: argparse.Namespace) -> Transport:
-    """The network that the options name.
+    """The transport on the network that the options name.
 
     Raises:
         LookupError: cyclonedds is not installed.
@@ -43,7 +43,7 @@ def transport_of(arguments: argparse.Namespace) -> Transport:
         from slams.live.transport import Transport
     except ModuleNotFoundError as error:
         raise LookupError(
-            "cyclonedds is not installed, which speaks to ROS 2; pip install 'cyclonedds==11.*'"
+            "the DDS library is not installed: pip install 'cyclonedds==11.*'"
         ) from error
     domain: int | None = arguments.domain_id
     if domain is None:
@@ -51,6 +51,6 @@ def transport_of(arguments: argparse.Namespace) -> Transport:
         if not text.isdecimal():
             raise ValueError(f"ROS_DOMAIN_ID: got {text!r}, expected a number")
         domain = int(text)
-    local = os.environ.get("ROS_LOCALHOST_ONLY") == "1"  # of Humble; the next one of Jazzy
+    local = os.environ.get("ROS_LOCALHOST_ONLY") == "1"  # ROS 2 Humble; the next line is for Jazzy
     local |= os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "").upper() == "LOCALHOST"
     return Transport(domain, arguments.localhost_only or local)

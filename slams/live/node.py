@@ -1,4 +1,4 @@
-"""The live node: scans in, poses, transforms and maps out, until its end is asked for."""
+"""The live node: scans in; poses, transforms and maps out, until it is asked to end."""
 
 from __future__ import annotations
 
@@ -11,33 +11,33 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from slams.formats.topics import some
+from slams.formats.topics import shortened
 from slams.live.buffer import SensorBuffer
-from slams.live.diagnostics import PERIOD, Diagnostics, Say
-from slams.live.options import TOPICS, TYPES, Callback, NodeOptions
+from slams.live.diagnostics import REPORT_PERIOD, Diagnostics, Notify
+from slams.live.options import NODE_TOPICS, NODE_TYPES, Callback, NodeOptions
 from slams.live.publisher import NodePublisher
 from slams.live.recorder import Recorder
-from slams.live.scans import Arrived, Scans
+from slams.live.scans import ReceivedScan, ScanQueue
 from slams.live.slam import LiveSlam
-from slams.ros.messages import SCAN, Record, store
+from slams.ros.messages import SCAN_TYPE, Record, typestore
 from slams.types import Pose2, Scan
 
 if TYPE_CHECKING:
     from slams.live.transport import Transport
 
-SETTLING_TIME = 0.5  # [s] after the first scan, in which odometry and tf may begin
-MAX_WAIT_FOR_TF = 2.0  # [s] after the first scan; without any tf the laser is the base then
-POLL_PERIOD = 0.02  # [s] between looks at what tf has, and at whether to end
-CHECK_PERIOD = 1.0  # [s] between diagnostics
-MAX_WAITING = 20  # scans, when the algorithm is slower than the laser
-MAX_EARLY_SCANS = 1000  # that wait until the frames are known
+TF_SETTLING_TIME = 0.5  # s after the first scan in which odometry and tf may start
+MAX_TF_WAIT = 2.0  # s after the first scan; if there is no tf by then, the laser is the base
+POLL_PERIOD = 0.02  # s between checks of tf, and of whether to end
+DIAGNOSTICS_PERIOD = 1.0  # s between two diagnostics
+MAX_QUEUED_SCANS = 20  # when the algorithm is slower than the laser
+MAX_EARLY_SCANS = 1000  # queued until the frames are known
 
 
 @dataclass
 class Drive:
-    """What was driven: stamps [s], poses, and time from a scan's coming to its pose [s].
+    """The trajectory: stamps [s], poses, and delays from receiving a scan to its pose [s].
 
-    The delays are of scans that came since the frames were known; others waited for those.
+    Scans that were received before the frames were known have no delay.
     """
 
     t: list[float] = field(default_factory=list)
@@ -45,7 +45,7 @@ class Drive:
     delays: list[float] = field(default_factory=list)
 
     def delay_ms(self) -> dict[str, float]:
-        """The delays' median, 99 % and longest [ms]."""
+        """Median, 99th percentile and maximum of the delays [ms]."""
         if not self.delays:
             return {}
         shares = {"p50": 50, "p99": 99, "max": 100}
@@ -59,86 +59,86 @@ class Node:
         live: the algorithm.
         transport: the network.
         options: topics, frames, times.
-        say: what tells the user a sentence.
+        notify: shows a sentence to the user.
 
-    A `recorder`, where it is set before `start`, gets all messages.
+    If `recorder` is set before `start`, it records all messages.
     """
 
     def __init__(
-        self, live: LiveSlam, transport: Transport, options: NodeOptions, say: Say
+        self, live: LiveSlam, transport: Transport, options: NodeOptions, notify: Notify
     ) -> None:
-        for msgtype in TYPES:  # what packs and unpacks it is made when first used: 20 ms each
-            store().get_msgdef(msgtype)
+        for msgtype in NODE_TYPES:  # make the (de)serializers now: each takes 20 ms on first use
+            typestore().get_msgdef(msgtype)
         self.live, self.transport, self.options = live, transport, options
         self.drive = Drive()
         self.buffer = SensorBuffer(options.base_frame, options.odom_frame, options.odometry)
         self.recorder: Recorder | None = None
-        self._say = say
-        self._diagnostics = Diagnostics(say)
+        self._notify = notify
+        self._diagnostics = Diagnostics(notify)
         self._publisher = NodePublisher(transport, options, self._record)
         self._map_stamp = -1  # [ns] of the last scan in the map
         self._map_failures: set[str] = set()
         self._closing = threading.Event()
-        self._maps = threading.Thread(target=self._draw_maps, name="maps", daemon=True)
+        self._map_thread = threading.Thread(target=self._publish_maps, name="maps", daemon=True)
         if options.map_every and live.given is None:
-            self._maps.start()
+            self._map_thread.start()
         self._topics = options.scans
-        self.scans = Scans(self._topics, self.buffer.mounted, MAX_EARLY_SCANS, options.wait)
+        self.scans = ScanQueue(self._topics, self.buffer.mount_of, MAX_EARLY_SCANS, options.wait)
         self._ready_at = math.inf
         for topic in self._topics:
             self._subscribe(topic, "/scan", self.scans.put)
         for name in ("/tf", "/tf_static", "/odom", *(["/imu"] if options.imu else [])):
-            self._subscribe(options.names[name], name, self.buffer.take)
+            self._subscribe(options.names[name], name, self.buffer.put)
 
     def start(self, ending: threading.Event) -> None:
-        """Wait for the first scan and for the frames, as long as it takes."""
+        """Wait for the first scan and for the frames, without a time limit."""
         self.transport.listen()
         if self.live.given is not None:
-            self._publisher.publish_map(0, self.live.given)  # of no time: it stays
-        self._say(f"ready for scans on {', '.join(self._topics)}")
-        said_at = time.monotonic()
+            self._publisher.publish_map(0, self.live.given)  # without a stamp: it does not change
+        self._notify(f"ready for scans on {', '.join(self._topics)}")
+        reported_at = time.monotonic()
         while not ending.is_set():
             first = self.scans.first()
-            if first is not None and self._is_placed(first):
+            if first is not None and self._has_mount(first):
                 self._ready_at = time.monotonic()
                 return
-            if time.monotonic() - said_at >= PERIOD:
-                said_at = time.monotonic()
-                self._say(self._awaited(first))
+            if time.monotonic() - reported_at >= REPORT_PERIOD:
+                reported_at = time.monotonic()
+                self._notify(self._waiting_message(first))
             ending.wait(POLL_PERIOD)
 
     def run(self, ending: threading.Event, show_status: Callable[[], None]) -> None:
-        """Take scans until the end; `show_status` is called about once a second."""
+        """Process scans until the end; calls `show_status` about once a second."""
         checked_at = -math.inf
         while not ending.is_set():
             scan = self.scans.take(POLL_PERIOD)
             if scan is not None:
                 self._push(scan)
-            if len(self.scans) <= MAX_WAITING:  # what came before `start` ended is done
-                self.scans.size = MAX_WAITING
-            if time.monotonic() - checked_at >= CHECK_PERIOD:
+            if len(self.scans) <= MAX_QUEUED_SCANS:  # the early scans have been processed
+                self.scans.size = MAX_QUEUED_SCANS
+            if time.monotonic() - checked_at >= DIAGNOSTICS_PERIOD:
                 checked_at = time.monotonic()
                 self.check()
                 show_status()
-        self.scans.wait = 0.0  # for another laser
+        self.scans.wait = 0.0  # at the end no scan waits for another laser
         while (scan := self.scans.take(0.0)) is not None:
             self._push(scan)
 
     def close(self) -> None:
-        """Publish the last map and leave the network; no pose, no recording.
+        """Publish the last map and leave the network; without a pose the recording is discarded.
 
         Raises:
-            OSError: some of it could not be recorded; then there is no file.
+            OSError: a message could not be recorded; then there is no file.
         """
         self._closing.set()
-        if self._maps.is_alive():
-            self._maps.join()
+        if self._map_thread.is_alive():
+            self._map_thread.join()
         self.transport.close()
         if self.recorder is not None:
             self.recorder.close(keep=bool(self.drive.t))
 
     def report(self) -> dict[str, Any]:
-        """Counts of what happened to scans and maps."""
+        """Counts of scans and messages, and the choices of odometry and base frame."""
         buffer = self.buffer
         return self.live.report() | {
             **self.scans.counts,
@@ -149,105 +149,104 @@ class Node:
         }
 
     def check(self) -> None:
-        """Report what goes wrong, and what is assumed of frames and laser."""
+        """Report problems, and the assumptions about frames and lasers."""
         diagnostics, topics = self._diagnostics, self._topics
-        scan_times = {topic: self.scans.came_at.get(topic, self._ready_at) for topic in topics}
+        scan_times = {topic: self.scans.received_at.get(topic, self._ready_at) for topic in topics}
         diagnostics.check(self.report(), scan_times)
         if self.live.candidates:
-            place = f"the place in the map is not sure ({self.live.candidates})"
-            sought = self.scans.counts["sought"]
-            diagnostics.count("sought", sought, f"scans so far, and {place}; drive on")
+            searched, candidates = self.scans.counts["sought"], self.live.candidates
+            text = f"scans so far, not localized in the map yet ({candidates}); drive on"
+            diagnostics.count("sought", searched, text)
         for note in (*self._map_failures, *self.live.notes, *self.buffer.notes, *self.scans.notes):
             diagnostics.note(note)
 
     # network
 
-    def _subscribe(self, topic: str, usual: str, callback: Callback) -> None:
-        """Have messages of a topic taken and recorded."""
+    def _subscribe(self, topic: str, default_name: str, callback: Callback) -> None:
+        """Subscribe to a topic; its messages go to the callback and to the recorder."""
 
-        def both(record: Record) -> None:
+        def receive(record: Record) -> None:
             callback(record)
             self._record(topic, record.received, record.data)
 
-        self.transport.subscribe(topic, *TOPICS[usual], both)
+        self.transport.subscribe(topic, *NODE_TOPICS[default_name], receive)
 
     def _record(self, topic: str, received: int, data: bytes) -> None:
         if self.recorder is not None:
             self.recorder.put(topic, received, data)
 
-    def _draw_maps(self) -> None:
-        """Publish a map every so often if there was a scan since, and once more at the end."""
+    def _publish_maps(self) -> None:
+        """Publish the map every `map_every` seconds and at the end, if it has a new scan."""
         ended, published = False, self._map_stamp
         while not ended:
             ended, stamp = self._closing.wait(self.options.map_every), self._map_stamp
             if stamp != published:
                 try:
                     self._publish_map(stamp)
-                except Exception as error:  # is reported: scans go on
+                except Exception as error:  # reported by `check`; scans are still processed
                     self._map_failures.add(f"the map is not published: {error}")
                 published = stamp
 
     def _publish_map(self, stamp: int) -> None:
-        """Publish the map, and of an algorithm that closes loops the path so far."""
+        """Publish the map, and the corrected path if the algorithm closes loops."""
         self._publisher.publish_map(stamp, self.live.map())
         poses = self.live.corrected()
         if poses is not None:
-            t = self.drive.t[: len(poses)]  # a push may be under way
+            t = self.drive.t[: len(poses)]  # another thread may be adding a scan
             self._publisher.publish_path([round(1e9 * s) for s in t], poses[: len(t)])
 
     # start
 
-    def _awaited(self, first: Arrived | None) -> str:
-        """What is waited for: a scan, or tf for the first; and the topics or frames there are."""
+    def _waiting_message(self, first: ReceivedScan | None) -> str:
+        """The message about a missing scan or transform, with the topics or frames that exist."""
         if first is not None:
             base, laser = self.buffer.base or "a base", first.frame
             return (
-                f"waiting for tf: no fixed way from {base} to the laser's frame {laser}; frames: "
-                f"{some(self.buffer.tree.frames)} (--base-frame {laser} takes it as the base)"
+                f"waiting for tf: no fixed transform from {base} to the laser's frame {laser}; "
+                f"frames: {shortened(self.buffer.tree.frames)} (--base-frame {laser} takes it as "
+                "the base)"
             )
         text = (
-            f"waiting for scans on {', '.join(self._topics)}; topics with a publisher of {SCAN}: "
-            f"{some(self.transport.published(SCAN))} (--scan-topic takes another)"
+            f"waiting for scans on {', '.join(self._topics)}; topics with a publisher of "
+            f"{SCAN_TYPE}: {shortened(self.transport.published(SCAN_TYPE))} "
+            "(--scan-topic takes another)"
         )
         return "; ".join([text, *self.scans.notes])
 
-    def _is_placed(self, first: Arrived) -> bool:
-        """Whether it is known where the laser sits: as tf says, or at the base where there is none.
-
-        Odometry and tf have some time to begin.
-        """
-        waited, buffer = time.monotonic() - first.at, self.buffer
-        if waited >= SETTLING_TIME and self.scans.is_placed(first.topic):
+    def _has_mount(self, first: ReceivedScan) -> bool:
+        """Whether the laser's mount is known: from tf, or after a wait at the base without tf."""
+        waited, buffer = time.monotonic() - first.received, self.buffer
+        if waited >= TF_SETTLING_TIME and self.scans.has_mount(first.topic):
             return True
-        known = buffer.tree.frames
-        if waited > MAX_WAIT_FOR_TF and buffer.base is None and (not known or first.frame in known):
+        frames = buffer.tree.frames
+        if waited > MAX_TF_WAIT and buffer.base is None and (not frames or first.frame in frames):
             buffer.base = first.frame
-            self._say(
-                f"no transform to the laser's frame {first.frame}: it is the base (if tf comes "
-                "later, start again)"
+            self._notify(
+                f"no transform to the laser's frame {first.frame}: it is taken as the base (if tf "
+                "starts later, start the node again)"
             )
         return False
 
     # scans
 
-    def _push(self, scan: Arrived) -> None:
-        """From a scan to its pose, out on the network."""
+    def _push(self, scan: ReceivedScan) -> None:
+        """Process a scan and publish its pose and state."""
         laser, t = self.scans.laser(scan), scan.sweep.t
-        odometry, yaw, attitude = self.buffer.at(t, scan.at + self.options.wait)
+        odometry, yaw, attitude = self.buffer.at(t, scan.received + self.options.wait)
         self.scans.counts["no_odometry"] += odometry is None and self.buffer.has_odometry
         used = None if self.options.odometry == "none" else odometry
         try:
             estimate = self.live.push_scan(Scan(t, scan.sweep.ranges, laser, used, yaw, attitude))
         except ValueError as error:
-            self.scans.leave_out(error)
+            self.scans.reject(error)
             return
         if not estimate.used:
             return
         if estimate.found:
-            edge = self._edge(estimate.pose, odometry)
+            edge = self._map_transform(estimate.pose, odometry)
             self._publisher.publish_pose(scan.stamp, estimate, edge)
-            if scan.at >= self._ready_at:
-                self.drive.delays.append(time.monotonic() - scan.at)
+            if scan.received >= self._ready_at:
+                self.drive.delays.append(time.monotonic() - scan.received)
             self.drive.t.append(t)
             self.drive.poses.append(estimate.pose)
             self._map_stamp = scan.stamp
@@ -256,8 +255,8 @@ class Node:
         counts = {"scans": len(self.drive.t), "dropped": self.scans.counts["dropped"]}
         self._publisher.publish_state(scan.stamp, estimate, counts)
 
-    def _edge(self, pose: Pose2, odometry: Pose2 | None) -> tuple[str, Pose2] | None:
-        """The frame to place in the map: the odometry's, or the base where nothing places that."""
+    def _map_transform(self, pose: Pose2, odometry: Pose2 | None) -> tuple[str, Pose2] | None:
+        """The child frame and transform below the map: of the odometry, or else of the base."""
         if odometry is not None:
             return self.options.odom_frame, pose @ odometry.inverse()
         base = self.buffer.base

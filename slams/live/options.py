@@ -1,4 +1,4 @@
-"""Topics, frames and times of `slams live`, with ROS's kinds and defaults."""
+"""Options of `slams live`: topics, frames and times, with ROS's types and defaults."""
 
 from __future__ import annotations
 
@@ -10,92 +10,92 @@ from enum import Enum
 from typing import Any
 
 from slams.params import MAX_LASERS
-from slams.ros.messages import IMU, MAP, ODOMETRY, PATH, POSE_COV, SCAN, TF, Record
+from slams.ros import messages as ros
 from slams.validation import expect
 
-STATUS = "diagnostic_msgs/msg/DiagnosticArray"
-Callback = Callable[[Record], None]
+DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+Callback = Callable[[ros.Record], None]
 
 
 class Quality(Enum):
-    """How a topic's messages are carried: ROS 2's profiles, by how many a publisher keeps."""
+    """Quality of service of a topic, a ROS 2 profile; the value is the publisher's queue depth."""
 
-    SENSOR = 5  # best effort: a lost message is not sent again, the next one is newer
+    SENSOR = 5  # best effort: a lost message is not sent again
     RELIABLE = 100
-    LATCHED = 1  # transient local: a late subscriber gets the last message
+    LATCHED = 1  # transient local: a late subscriber receives the last message
 
 
-TOPICS = {  # what a node's topics carry and how, by their usual names
-    "/scan": (SCAN, Quality.SENSOR),
-    "/odom": (ODOMETRY, Quality.SENSOR),
-    "/imu": (IMU, Quality.SENSOR),
-    "/tf": (TF, Quality.RELIABLE),
-    "/tf_static": (TF, Quality.LATCHED),
-    "/map": (MAP, Quality.LATCHED),
-    "/path": (PATH, Quality.LATCHED),
-    "/pose": (POSE_COV, Quality.RELIABLE),
-    "/slam/state": (STATUS, Quality.RELIABLE),
+NODE_TOPICS = {  # message type and quality of service, by default name
+    "/scan": (ros.SCAN_TYPE, Quality.SENSOR),
+    "/odom": (ros.ODOMETRY_TYPE, Quality.SENSOR),
+    "/imu": (ros.IMU_TYPE, Quality.SENSOR),
+    "/tf": (ros.TF_TYPE, Quality.RELIABLE),
+    "/tf_static": (ros.TF_TYPE, Quality.LATCHED),
+    "/map": (ros.MAP_TYPE, Quality.LATCHED),
+    "/path": (ros.PATH_TYPE, Quality.LATCHED),
+    "/pose": (ros.POSE_COV_TYPE, Quality.RELIABLE),
+    "/slam/state": (DIAGNOSTICS_TYPE, Quality.RELIABLE),
 }
-TYPES = tuple(dict.fromkeys(msgtype for msgtype, _ in TOPICS.values()))
+NODE_TYPES = tuple(dict.fromkeys(msgtype for msgtype, _ in NODE_TOPICS.values()))
 
 
-def renamed(remap: Sequence[str] = ()) -> dict[str, str]:
-    """Names of topics by the usual ones: remap has texts as "/scan:=/front/scan".
+def topic_names(remap: Sequence[str] = ()) -> dict[str, str]:
+    """Names of the topics by their default names; remap has texts as "/scan:=/front/scan".
 
     Raises:
-        ValueError: a text is none, or there is no such topic.
+        ValueError: a text has another form, or the node has no such topic.
     """
-    names = {name: name for name in TOPICS}
+    names = {name: name for name in NODE_TOPICS}
     for text in remap:
-        old, between, new = text.partition(":=")
-        fits = bool(between) and new.startswith("/")
-        expect(fits, "--remap", repr(text), "/FROM:=/TO")
+        old, separator, new = text.partition(":=")
+        is_valid = bool(separator) and new.startswith("/")
+        expect(is_valid, "--remap", repr(text), "/FROM:=/TO")
         if old not in names:
-            raise ValueError(f"--remap: {old} is no topic here; there are {', '.join(names)}")
+            raise ValueError(f"--remap: no topic {old}; the topics are {', '.join(names)}")
         names[old] = new
     return names
 
 
 def _option(metavar: str, default: Any, text: str) -> Any:
-    """A field that an option of its name sets on the command line."""
+    """A field that is set by the command line option of the same name."""
     return field(default=default, metadata={"metavar": metavar, "help": text})
 
 
 @dataclass(frozen=True)
 class NodeOptions:
-    """How a node works; `odometry` is "auto" (tf, else the topic), "tf", "topic" or "none".
+    """Options of a node; `odometry` is "auto" (tf, else the topic), "tf", "topic" or "none".
 
-    `scans` are the topics of the lasers, `names` those of the others by their usual names.
+    `scans` are the lasers' topics, `names` all other topics by their default names.
     """
 
     scans: tuple[str, ...] = ("/scan",)
-    names: Mapping[str, str] = field(default_factory=renamed)
+    names: Mapping[str, str] = field(default_factory=topic_names)
     odometry: str = "auto"
-    imu: bool = True  # whether it is subscribed
+    imu: bool = True  # whether the node subscribes to it
     map_frame: str = _option("FRAME", "map", "frame of map and poses")
     odom_frame: str = _option("FRAME", "odom", "frame of the odometry")
     base_frame: str | None = _option(
         "FRAME",
         None,
-        "frame of the robot, whose poses are published (default: that of the odometry, else "
+        "frame of the robot, whose poses are published (default: the odometry's child frame, else "
         "base_link)",
     )
     map_every: float = _option("S", 2.0, "time between two published maps [s], 0 for none")
-    wait: float = _option("S", 0.4, "how long a scan waits for odometry and gyro at most [s]")
-    tf_ahead: float = _option("S", 0.1, "how far ahead of its scan a transform is stamped [s]")
+    wait: float = _option("S", 0.4, "maximum time that a scan waits for odometry and gyro [s]")
+    tf_ahead: float = _option("S", 0.1, "a transform's stamp is ahead of its scan by this [s]")
 
     def __post_init__(self) -> None:
         for option in fields(self):
             if option.type == "float":
                 value = getattr(self, option.name)
                 expect(0.0 <= value < math.inf, _flag(option), f"{value:g}", "0 s or more")
-        fits = len(set(self.scans)) == len(self.scans) <= MAX_LASERS
-        most = f"up to {MAX_LASERS} different topics"
-        expect(fits, "--scan-topic", ", ".join(self.scans), most)
+        is_valid = len(set(self.scans)) == len(self.scans) <= MAX_LASERS
+        expected = f"up to {MAX_LASERS} different topics"
+        expect(is_valid, "--scan-topic", ", ".join(self.scans), expected)
 
 
 def add_node_options(parser: argparse.ArgumentParser) -> None:
-    """Give a command the options of topics, frames and times."""
+    """Add the options of topics, frames and times to a command."""
     topics, others = map(parser.add_argument_group, ("topics", "frames and times"))
     topics.add_argument(
         "--scan-topic",
@@ -115,14 +115,14 @@ def add_node_options(parser: argparse.ArgumentParser) -> None:
         default="/imu",
         help="subscribed gyro and attitude, or none (default: %(default)s)",
     )
-    for option in OPTIONS:
-        usual, text = option.default, option.metadata["help"]
+    for option in NODE_OPTIONS:
+        default, text = option.default, option.metadata["help"]
         others.add_argument(
             _flag(option),
             type=float if option.type == "float" else str,
             metavar=option.metadata["metavar"],
-            default=usual,
-            help=text if usual is None else f"{text} (default: %(default)s)",
+            default=default,
+            help=text if default is None else f"{text} (default: %(default)s)",
         )
 
 
@@ -130,27 +130,27 @@ def node_options(arguments: argparse.Namespace) -> NodeOptions:
     """The options of topics, frames and times.
 
     Raises:
-        ValueError: a number is out of its bounds, or means nothing.
+        ValueError: a number is out of its bounds, or an option has no effect.
     """
     if arguments.localize and arguments.map_every != NodeOptions.map_every:
-        raise ValueError("--map-every: got --localize, too, whose map is published once")
-    values: dict[str, Any] = {option.name: getattr(arguments, option.name) for option in OPTIONS}
+        raise ValueError("--map-every: got --localize, too, and a given map is published once")
+    values: dict[str, Any] = {one.name: getattr(arguments, one.name) for one in NODE_OPTIONS}
     values["odometry"], values["imu"] = arguments.odom, arguments.imu != "none"
-    names = renamed(arguments.remap)
+    names = topic_names(arguments.remap)
     if arguments.imu != "/imu":
-        names["/imu"] = _absolute(arguments.imu)
+        names["/imu"] = _with_slash(arguments.imu)
     if arguments.odom not in ("auto", "tf", "none"):
-        values["odometry"], names["/odom"] = "topic", _absolute(arguments.odom)
-    scans = tuple(map(_absolute, arguments.scan_topic or [names["/scan"]]))
+        values["odometry"], names["/odom"] = "topic", _with_slash(arguments.odom)
+    scans = tuple(map(_with_slash, arguments.scan_topic or [names["/scan"]]))
     return NodeOptions(scans, names, **values)
 
 
-OPTIONS = [option for option in fields(NodeOptions) if option.metadata]
+NODE_OPTIONS = [option for option in fields(NodeOptions) if option.metadata]
 
 
 def _flag(option: Field[Any]) -> str:
     return f"--{option.name.replace('_', '-')}"
 
 
-def _absolute(topic: str) -> str:
+def _with_slash(topic: str) -> str:
     return topic if topic.startswith("/") else f"/{topic}"

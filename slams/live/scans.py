@@ -1,4 +1,4 @@
-"""A robot's scans: from the messages of its lasers to ranges, in the order of their stamps."""
+"""The scan queue: unpacks the messages of a robot's lasers and orders the scans by stamp."""
 
 from __future__ import annotations
 
@@ -7,67 +7,67 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from slams.formats.frames import bare
-from slams.formats.sweep import Mounted, Sweep, common, same_directions, usable
-from slams.ros.messages import READ, SCAN, Record, seconds, store
+from slams.formats.frames import without_slash
+from slams.formats.sweep import LaserMount, Sweep, has_directions, resampled, same_directions
+from slams.ros.messages import READERS, SCAN_TYPE, Record, seconds, typestore
 from slams.types import Laser
 
-MAX_SILENCE = 2.0  # [s] without a scan of a laser; then no other laser's scan waits for one
-COUNTS = ("dropped", "unreadable", "other_frame", "unplaced", "no_odometry", "sought")
+SCAN_TIMEOUT = 2.0  # s without a scan of a laser; after that no scan of another laser waits for it
+SCAN_COUNTERS = ("dropped", "unreadable", "other_frame", "unplaced", "no_odometry", "sought")
 
 
-class Arrived(NamedTuple):
-    """A scan as its driver sent it, its stamp [ns], and when it came [s, monotonic]."""
+class ReceivedScan(NamedTuple):
+    """A scan as its driver sent it, its stamp [ns], and when it was received [s, monotonic]."""
 
     topic: str
     frame: str
     stamp: int
     sweep: Sweep
-    at: float
+    received: float
 
 
-class Scans:
-    """Scans that wait, each topic's of one laser; given out by their stamps.
+class ScanQueue:
+    """Queue of received scans, one topic per laser, taken in the order of their stamps.
 
-    A scan waits until every other laser has sent one that is as new; those of a single laser never
-    do. `counts` says what became of all; the node counts those without odometry in time, and those
-    before the place was known.
+    A scan waits until every other laser has sent a scan that is as new; with one laser no scan
+    waits. `counts` has the rejected scans; the node adds the scans without odometry in time, and
+    those before the robot was localized.
 
     Args:
-        topics: of the lasers; of scans with one stamp the first topic's goes first.
-        mounted: where the laser of a frame sits; None while that is not known.
-        size: how many may wait; then the oldest is dropped.
-        wait: for other lasers at most [s]; may be changed.
+        topics: of the lasers; of scans with equal stamps the one on the earlier topic comes first.
+        mount_of: gives the mount of the laser with a frame; None while it is unknown.
+        size: maximum number of queued scans; beyond it the oldest is dropped.
+        wait: maximum time that a scan waits for other lasers [s]; may be changed.
     """
 
     def __init__(
         self,
         topics: Sequence[str],
-        mounted: Callable[[str], Mounted | None],
+        mount_of: Callable[[str], LaserMount | None],
         size: int,
         wait: float,
     ) -> None:
-        self.size, self.counts = size, dict.fromkeys(COUNTS, 0)
-        self.came_at: dict[str, float] = {}  # [s] the last message, by topics as all of these
-        self._topics, self._mounted = tuple(topics), mounted
+        self.size, self.counts = size, dict.fromkeys(SCAN_COUNTERS, 0)
+        self.received_at: dict[str, float] = {}  # s, of the last message, by topic
+        self._topics, self._mount_of = tuple(topics), mount_of
         self.wait = wait
-        self._waiting: list[Arrived] = []
-        self._last: dict[str, Arrived] = {}
-        self._places: dict[str, Mounted] = {}
+        self._waiting: list[ReceivedScan] = []
+        self._last: dict[str, ReceivedScan] = {}
+        self._mounts: dict[str, LaserMount] = {}
         self._lasers: dict[str, tuple[list[Sweep], Laser]] = {}  # with their first two sweeps
-        self.notes: list[str] = []  # what is assumed of the lasers, and which scans are left out
+        self.notes: list[str] = []  # assumptions about the lasers, reasons for rejected scans
         self._changed = threading.Condition()
 
     def __len__(self) -> int:
         return len(self._waiting)
 
     def put(self, record: Record) -> None:
-        """Take a message; never waits."""
-        self.came_at[record.topic] = time.monotonic()
+        """Unpack a message and queue its scan; never waits."""
+        self.received_at[record.topic] = time.monotonic()
         try:
-            scan = _arrived(record)
+            scan = _received_scan(record)
         except ValueError as error:
-            self.leave_out(error)
+            self.reject(error)
             return
         with self._changed:
             last = self._last.get(scan.topic, scan)
@@ -83,74 +83,74 @@ class Scans:
                 self.counts["dropped"] += 1
             self._changed.notify()
 
-    def first(self) -> Arrived | None:
-        """The first scan, which stays; None if none came yet."""
+    def first(self) -> ReceivedScan | None:
+        """The first scan, which stays in the queue; None if the queue is empty."""
         with self._changed:
             return self._waiting[0] if self._waiting else None
 
-    def is_placed(self, topic: str) -> bool:
-        """Whether it is known where the laser of a topic sits that has sent a scan."""
-        if topic not in self._places:
-            place = self._mounted(self._last[topic].frame)
-            if place is not None:
-                self._places[topic] = place
-        return topic in self._places
+    def has_mount(self, topic: str) -> bool:
+        """Whether the mount of a laser that has sent a scan is known."""
+        if topic not in self._mounts:
+            mount = self._mount_of(self._last[topic].frame)
+            if mount is not None:
+                self._mounts[topic] = mount
+        return topic in self._mounts
 
-    def take(self, timeout: float) -> Arrived | None:
-        """The next scan of a laser whose place is known; None if no scan's turn comes in time."""
+    def take(self, timeout: float) -> ReceivedScan | None:
+        """The next scan of a laser with a known mount; None if none is ready within `timeout`."""
         with self._changed:
             return self._changed.wait_for(self._next, timeout)
 
-    def laser(self, scan: Arrived) -> Laser:
-        """The laser of a scan, the same object as long as the beams stay where they are."""
+    def laser(self, scan: ReceivedScan) -> Laser:
+        """The laser of a scan, the same object as long as its beams keep their directions."""
         sweeps, laser = self._lasers.get(scan.topic, ([], None))
         if sweeps and not same_directions(scan.sweep.geometry, sweeps[0].geometry):
             sweeps = []
-        if laser is None or len(sweeps) < 2:  # with a second one the time between two is known
+        if laser is None or len(sweeps) < 2:  # from the second sweep on the scan interval is known
             sweeps = [*sweeps, scan.sweep]
-            now = common(sweeps, self._places[scan.topic], self.notes).laser
-            laser = laser if now == laser else now
+            found = resampled(sweeps, self._mounts[scan.topic], self.notes).laser
+            laser = laser if found == laser else found
         self._lasers[scan.topic] = sweeps, laser
         return laser
 
-    def leave_out(self, error: ValueError) -> None:
-        """Count and note a message that is no scan."""
+    def reject(self, error: ValueError) -> None:
+        """Count and note a message that has no valid scan."""
         self.counts["unreadable"] += 1
         note = f"{error}; such scans are left out"
         if note not in self.notes:
             self.notes.append(note)
 
-    def _next(self) -> Arrived | None:
-        while self._waiting and not self.is_placed(self._waiting[0].topic):
+    def _next(self) -> ReceivedScan | None:
+        while self._waiting and not self.has_mount(self._waiting[0].topic):
             del self._waiting[0]
             self.counts["unplaced"] += 1
-        if not self._waiting or self._has_to_wait(self._waiting[0], time.monotonic()):
+        if not self._waiting or self._waits_for_lasers(self._waiting[0], time.monotonic()):
             return None
         return self._waiting.pop(0)
 
-    def _has_to_wait(self, scan: Arrived, now: float) -> bool:
-        """Whether another laser has not come as far yet."""
-        return now - scan.at < self.wait and any(
+    def _waits_for_lasers(self, scan: ReceivedScan, now: float) -> bool:
+        """Whether another laser's latest scan is older than this scan."""
+        return now - scan.received < self.wait and any(
             last.sweep.t < scan.sweep.t
             for topic, last in self._last.items()
-            if topic != scan.topic and now - last.at < MAX_SILENCE and self.is_placed(topic)
+            if topic != scan.topic and now - last.received < SCAN_TIMEOUT and self.has_mount(topic)
         )
 
 
-def _arrived(record: Record) -> Arrived:
-    """A sensor_msgs/LaserScan unpacked.
+def _received_scan(record: Record) -> ReceivedScan:
+    """Unpack a sensor_msgs/LaserScan.
 
     Raises:
-        ValueError: it is none, or has no beams or directions.
+        ValueError: the message cannot be read, or has no beams or no directions.
     """
     try:
-        message = store().deserialize_cdr(record.data, SCAN)
-    except Exception as error:  # the library's parsers raise what they stumble over
-        raise ValueError(f"a message of {record.topic} is no {SCAN}") from error
-    frame, (ranges, geometry) = READ[SCAN](message)
-    if not usable(geometry):
+        message = typestore().deserialize_cdr(record.data, SCAN_TYPE)
+    except Exception as error:  # the library's parsers raise errors of any class
+        raise ValueError(f"a message of {record.topic} is no {SCAN_TYPE}") from error
+    frame, (ranges, geometry) = READERS[SCAN_TYPE](message)
+    if not has_directions(geometry):
         raise ValueError(f"a scan of {record.topic} has no beams or no directions")
     stamp = message.header.stamp
     sweep = Sweep(seconds(stamp), ranges, geometry)
     ns = stamp.sec * 10**9 + stamp.nanosec
-    return Arrived(record.topic, bare(frame), ns, sweep, time.monotonic())
+    return ReceivedScan(record.topic, without_slash(frame), ns, sweep, time.monotonic())

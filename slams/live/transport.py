@@ -1,7 +1,7 @@
-"""The network of ROS 2 without ROS: DDS by the cyclonedds wheel (extra `live`), messages in CDR.
+"""Transport to ROS 2 without ROS: DDS by the cyclonedds wheel (extra `live`), messages in CDR.
 
-DDS knows the library's definitions, named and laid out as ROS's IDL; messages travel as the bytes
-that bags keep. Nothing is unpacked here, so that 1081 ranges cost a hundredth of a millisecond.
+The DDS types are built from the message definitions of rosbags. Messages are passed on as CDR
+bytes, as bags store them, and are not unpacked here: 1081 ranges cost a hundredth of a millisecond.
 """
 
 from __future__ import annotations
@@ -23,76 +23,76 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from slams.live.options import Callback, Quality
-from slams.ros.messages import Record, store
+from slams.ros.messages import Record, typestore
 
-MAX_UNREAD = 200  # messages of a topic that wait to be taken
-END_PERIOD = 0.1  # [s] between looks at whether to end
-MAX_BLOCKING = 0.1  # [s] that a writer may wait for slow readers, as in ROS
-MAX_DOMAIN = 232  # beyond, DDS has no ports
-LOOPBACK = """<CycloneDDS><Domain><General><Interfaces>
+MAX_UNREAD_MESSAGES = 200  # queued per topic
+RECEIVE_TIMEOUT = 0.1  # s that the receiving thread waits before it checks whether to end
+MAX_BLOCKING_TIME = 0.1  # s that a writer may wait for slow readers, as in ROS
+MAX_DOMAIN_ID = 232  # DDS has no ports for larger ones
+LOOPBACK_CONFIG = """<CycloneDDS><Domain><General><Interfaces>
 <NetworkInterface address="127.0.0.1" multicast="true"/></Interfaces></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32
 </MaxAutoParticipantIndex><Peers><Peer address="localhost"/></Peers></Discovery>
 </Domain></CycloneDDS>"""
 
 types: Any = idl_types
-_domains: dict[int, Any] = {}  # kept: a process configures a domain once
+_domains: dict[int, Any] = {}  # a process can configure a domain only once
 
 
 class Transport:
     """One participant of a DDS domain.
 
     Args:
-        domain: its number, as ROS_DOMAIN_ID.
-        localhost: speak to this machine only. CYCLONEDDS_URI, where it is set, decides instead.
+        domain: domain number, as ROS_DOMAIN_ID.
+        localhost: reach this machine only. CYCLONEDDS_URI, if set, overrides it.
 
     Raises:
         ValueError: no such domain, or DDS finds no network.
     """
 
     def __init__(self, domain: int = 0, localhost: bool = False) -> None:
-        if not 0 <= domain <= MAX_DOMAIN:
-            raise ValueError(f"domain: got {domain}, expected 0 to {MAX_DOMAIN}")
+        if not 0 <= domain <= MAX_DOMAIN_ID:
+            raise ValueError(f"domain: got {domain}, expected 0 to {MAX_DOMAIN_ID}")
         try:
             if localhost and "CYCLONEDDS_URI" not in os.environ and domain not in _domains:
-                _domains[domain] = Domain(domain, LOOPBACK)
+                _domains[domain] = Domain(domain, LOOPBACK_CONFIG)
             self._participant: Any = DomainParticipant(domain)
         except core.DDSException as error:
             raise ValueError(
-                f"DDS cannot enter domain {domain} ({error}); is there a network, and does "
-                "CYCLONEDDS_URI, where it is set, name one of its interfaces?"
+                f"DDS cannot join domain {domain} ({error}); is there a network, and does "
+                "CYCLONEDDS_URI, if it is set, name one of its interfaces?"
             ) from error
         self._readers: dict[str, tuple[Any, str, Callback]] = {}
-        self._ending = threading.Event()
+        self._end = threading.Event()
         self._thread = threading.Thread(target=self._receive, name="dds", daemon=True)
         self._published: Any = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
 
     def subscribe(self, topic: str, msgtype: str, quality: Quality, callback: Callback) -> None:
-        """Have a callback called for every message of a topic; before `listen`."""
-        qos = _qos(quality, MAX_UNREAD)  # of all its writers together
+        """Call a callback for every message of a topic; to be used before `listen`."""
+        qos = _qos(quality, MAX_UNREAD_MESSAGES)  # for all writers of the topic together
         reader = DataReader(self._participant, self._topic(topic, msgtype), qos)
         self._readers[topic] = (reader, msgtype, callback)
 
     def advertise(self, topic: str, msgtype: str, quality: Quality) -> Publisher:
-        """Begin to publish a topic."""
+        """The publisher of a topic."""
         qos = _qos(quality, quality.value)
         writer = DataWriter(self._participant, self._topic(topic, msgtype), qos)
         return Publisher(writer, msgtype)
 
     def listen(self) -> None:
-        """Begin to receive."""
+        """Start the thread that receives messages."""
         self._thread.start()
 
     def published(self, msgtype: str) -> list[str]:
-        """Topics that have a publisher of a message type, in order."""
+        """Names of topics that have a publisher of a message type, sorted."""
         alive, name = core.InstanceState.Alive, type_name(msgtype)
         found = [e for e in self._published.read(10_000) if e.type_name == name]
         topics = {e.topic_name for e in found if e.sample_info.instance_state == alive}
         return sorted(topic[2:] for topic in topics if topic.startswith("rt/"))
 
     def close(self) -> None:
-        """Leave the domain; what was advertised is gone with it."""
-        self._ending.set()
+        """Leave the domain; this ends all publishers and subscriptions."""
+        self._end.set()
         if self._thread.is_alive():
             self._thread.join()
         self._readers.clear()
@@ -100,27 +100,27 @@ class Transport:
 
     def _topic(self, topic: str, msgtype: str) -> Any:
         try:
-            return Topic(self._participant, f"rt/{topic.lstrip('/')}", packed(msgtype))
+            return Topic(self._participant, f"rt/{topic.lstrip('/')}", message_type(msgtype))
         except core.DDSException as error:
-            raise ValueError(f"{topic!r} is no name of a topic for DDS ({error})") from error
+            raise ValueError(f"{topic!r} is not a valid topic name for DDS ({error})") from error
 
     def _receive(self) -> None:
-        """Hand over messages as they come, until the end."""
+        """Call the callbacks for messages as they arrive, until the end."""
         waiting, new = core.WaitSet(self._participant), core.SampleState.NotRead
         for reader, _, _ in self._readers.values():
             mask = core.ViewState.Any | core.InstanceState.Any | new
             waiting.attach(core.ReadCondition(reader, mask))
-        while not self._ending.is_set():
-            waiting.wait(duration(seconds=END_PERIOD))
+        while not self._end.is_set():
+            waiting.wait(duration(seconds=RECEIVE_TIMEOUT))
             received = time.time_ns()
             for topic, (reader, msgtype, callback) in self._readers.items():
-                for one in reader.take(MAX_UNREAD):
-                    if hasattr(one, "cdr"):  # others say that a writer has left
+                for one in reader.take(MAX_UNREAD_MESSAGES):
+                    if hasattr(one, "cdr"):  # samples without data report that a writer has left
                         callback(Record(topic, msgtype, received, one.cdr))
 
 
 class Publisher:
-    """One topic that is published."""
+    """Publishes one topic."""
 
     def __init__(self, writer: Any, msgtype: str) -> None:
         self._writer, self._msgtype = writer, msgtype
@@ -129,26 +129,26 @@ class Publisher:
         """Send a message.
 
         Raises:
-            OSError: DDS does not take it.
+            OSError: DDS does not accept it.
         """
         try:
-            self._writer.write(_of_bytes(packed(self._msgtype), data))
+            self._writer.write(_sample_of_bytes(message_type(self._msgtype), data))
         except core.DDSException as error:
-            raise OSError(f"DDS does not take a {self._msgtype}: {error}") from error
+            raise OSError(f"DDS does not accept a {self._msgtype}: {error}") from error
 
     @property
     def subscribers(self) -> int:
-        """How many subscribe to it now."""
+        """Current number of subscribers."""
         return len(self._writer.get_matched_subscriptions())
 
 
 def _qos(quality: Quality, depth: int) -> Any:
-    reliable = core.Policy.Reliability.Reliable(duration(seconds=MAX_BLOCKING))
-    best = core.Policy.Reliability.BestEffort
-    stays, passes = core.Policy.Durability.TransientLocal, core.Policy.Durability.Volatile
+    reliable = core.Policy.Reliability.Reliable(duration(seconds=MAX_BLOCKING_TIME))
+    best_effort = core.Policy.Reliability.BestEffort
+    durability = core.Policy.Durability
     return core.Qos(
-        best if quality is Quality.SENSOR else reliable,
-        stays if quality is Quality.LATCHED else passes,
+        best_effort if quality is Quality.SENSOR else reliable,
+        durability.TransientLocal if quality is Quality.LATCHED else durability.Volatile,
         core.Policy.History.KeepLast(depth),
         core.Policy.IgnoreLocal.Participant,
         core.Policy.DataRepresentation(use_cdrv0_representation=True),
@@ -162,32 +162,32 @@ def type_name(msgtype: str) -> str:
 
 
 @cache
-def packed(msgtype: str) -> Any:
-    """The DDS type whose samples hold a message's bytes in `cdr`."""
-    members = {name: _member(kind) for name, kind in store().fielddefs[msgtype][1]}
+def message_type(msgtype: str) -> Any:
+    """The DDS type of a ROS message; its samples hold the CDR bytes in `cdr`."""
+    members = {name: _field_type(kind) for name, kind in typestore().fielddefs[msgtype][1]}
     name = msgtype.rpartition("/")[2]
     kind: Any = make_idl_struct(name, type_name(msgtype), members, dataclassify=False)
     kind.serialize = lambda self, **_: self.cdr
-    kind.deserialize = classmethod(lambda cls, data, **_: _of_bytes(cls, data))
-    kind.deserialize_key = classmethod(lambda *_, **__: None)  # of samples that are no messages
+    kind.deserialize = classmethod(lambda cls, data, **_: _sample_of_bytes(cls, data))
+    kind.deserialize_key = classmethod(lambda *_, **__: None)  # for samples without data
     return kind
 
 
-def _of_bytes(kind: Any, data: bytes) -> Any:
-    made = kind.__new__(kind)
-    made.cdr = data
-    return made
+def _sample_of_bytes(kind: Any, data: bytes) -> Any:
+    sample = kind.__new__(kind)
+    sample.cdr = data
+    return sample
 
 
-def _member(kind: Any) -> Any:
-    """The DDS type of a field, of that in the library's words."""
-    what = kind[1]
+def _field_type(kind: Any) -> Any:
+    """The DDS type of a message field, from the field type of rosbags."""
+    content = kind[1]
     if kind[0].name == "NAME":
-        return packed(what)
+        return message_type(content)
     if kind[0].name == "BASE":
-        plain = {"bool": bool, "string": str, "byte": types.uint8}
-        return plain.get(what[0]) or getattr(types, what[0])
-    of, length = _member(what[0]), what[1]
+        builtin = {"bool": bool, "string": str, "byte": types.uint8}
+        return builtin.get(content[0]) or getattr(types, content[0])
+    element, length = _field_type(content[0]), content[1]
     if kind[0].name == "ARRAY":
-        return types.array[of, length]
-    return types.sequence[(of, *([length] if length else []))]
+        return types.array[element, length]
+    return types.sequence[(element, *([length] if length else []))]

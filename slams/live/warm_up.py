@@ -1,4 +1,4 @@
-"""Compilation before the first scan, so that no scan waits for it."""
+"""Compiles all kernels before the first scan, so that no scan waits for the compiler."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from slams.types import IDENTITY, Corrected, Scan, Slam
 
 
 def warm_up(slam_class: type[Slam], params: Params) -> None:
-    """Give throw-away instances scans of a room: at rest, moving, as a sweep, lost, and placed.
+    """Run throw-away instances on scans of a test world: at rest, moving, deskewed, lost, placed.
 
-    The room is looked for in its map, and a loop is closed in it, too: else the first robot that is
-    lost, or comes back, would wait for that.
+    Global localization and loop closure are run once, too; otherwise the first robot that is lost
+    or returns to a mapped area would wait for their compilation.
     """
     from slams.localize.global_localizer import GlobalLocalizer
     from slams.test_world import drive, laser, scan_at
@@ -27,25 +27,25 @@ def warm_up(slam_class: type[Slam], params: Params) -> None:
         slam = slam_class(params)
         for scan in (*log, scan_at((2.0, 1.5, 2.0), lidar, t=2.0)):
             slam.update(scan)
-        with suppress(ValueError):  # a baseline's map has no floor
+        with suppress(ValueError):  # a baseline's map has no free cells
             GlobalLocalizer(slam.map()).add(scan_at((0.0, 0.0, 0.0), lidar, t=2.1))
         if isinstance(slam, Localizes):
             slam.insert_at(scan_at((0.0, 0.0, 0.0), lidar, t=2.2), IDENTITY)
         if isinstance(slam, Corrected):
-            _loop(scan_at((0.0, 0.0, 0.0), lidar, t=2.3))
+            _warm_up_loops(scan_at((0.0, 0.0, 0.0), lidar, t=2.3))
 
 
-def _loop(scan: Scan) -> None:
+def _warm_up_loops(scan: Scan) -> None:
     from slams.frontend.correlative import Window
     from slams.loops import PoseGraph
     from slams.loops.matching import LocalMap, keyframe, read
 
-    key, graph = keyframe(scan, IDENTITY), PoseGraph()
+    new_keyframe, graph = keyframe(scan, IDENTITY), PoseGraph()
     for _ in range(2):
         graph.append(IDENTITY, np.ones(3))
     graph.uncertainty(0)
     graph.iterate()
-    there = LocalMap([key], [IDENTITY])
-    there.search(key.ends, Window(IDENTITY, 1.0, 0.1), 0.0)
-    there.fit(read(scan, IDENTITY)[0], IDENTITY)
-    there.agreement(key.ends, IDENTITY)
+    local_map = LocalMap([new_keyframe], [IDENTITY])
+    local_map.search(new_keyframe.ends, Window(IDENTITY, 1.0, 0.1), 0.0)
+    local_map.fit(read(scan, IDENTITY)[0], IDENTITY)
+    local_map.agreement(new_keyframe.ends, IDENTITY)

@@ -1,1 +1,1 @@
-"""What ROS says: its messages, and the launch and parameter files of its nodes."""
+"""ROS messages, and the launch and parameter files of ROS nodes, without ROS."""

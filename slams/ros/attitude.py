@@ -1,4 +1,4 @@
-"""Attitude and turn rate from an IMU, message by message, for logs and on a robot."""
+"""Attitude and yaw rate of the base from IMU readings, one by one, for logs and on a robot."""
 
 from __future__ import annotations
 
@@ -6,87 +6,84 @@ import math
 
 import numpy as np
 
-from slams.ros.messages import Inertial
+from slams.ros.messages import ImuReading
 from slams.types import Floats
 
-SETTLING = 2.0  # s over which the accelerometer corrects the gyro: longer than a robot speeds up
-GRAVITY, DISTURBED = 9.81, 1.0  # m/s^2; by how much a measured one is off while a robot is shaken
-OVERHEAD = 1.0  # rad: by more no robot tilts, its IMU is not mounted as the transforms say
+FILTER_TIME_CONSTANT = 2.0  # s of the accelerometer's correction: longer than a robot accelerates
+GRAVITY = 9.81  # m/s^2
+MAX_GRAVITY_ERROR = 1.0  # m/s^2 of a measured acceleration; with more the robot is shaken
+MAX_PLAUSIBLE_TILT = 1.0  # rad of a robot; with more, tf has the IMU's mount wrong
 
 
 class ImuAttitude:
-    """Attitude and turn rate of the base from its IMU: by orientation, else gyro and accelerometer.
+    """Attitude and yaw rate of the base from its IMU: by orientation, or gyro and accelerometer.
 
-    These two by a complementary filter [Mahony08]: the gyro, held by the accelerometer.
+    The complementary filter [Mahony08] integrates the gyro; the accelerometer corrects its drift.
 
     Args:
-        turned: (3, 3), from the IMU's axes to the base's; None: not known, the IMU is upright.
+        rotation: (3, 3), from the IMU's axes to the base's; None: unknown, the IMU is upright.
     """
 
-    def __init__(self, turned: Floats | None) -> None:
-        self._turned = turned
-        self._up, self._last = np.zeros(3), math.nan  # the vertical in the IMU's axes; its stamp
+    def __init__(self, rotation: Floats | None) -> None:
+        self._rotation = rotation
+        self._vertical, self._last_stamp = np.zeros(3), math.nan  # vertical in the IMU's axes
 
-    def push(self, measured: Inertial) -> tuple[float, float, float, float]:
-        """Take a message.
-
-        Gives its stamp [s], turn rate about the vertical [rad/s], roll and pitch [rad], nan where
-        unknown.
-        """
-        if self._turned is None:
-            return measured.sent, measured.rates[2], math.nan, math.nan
+    def push(self, measured: ImuReading) -> tuple[float, float, float, float]:
+        """Stamp [s], rate about the vertical [rad/s], roll, pitch [rad]; unknown values are nan."""
+        if self._rotation is None:
+            return measured.stamp, measured.rates[2], math.nan, math.nan
         if math.isfinite(measured.orientation[0]):
-            up = up_of(np.array([measured.orientation]))[0]
+            up = vertical_of(np.array([measured.orientation]))[0]
         else:
             up = self._filtered(measured)
-        # plain sums: those of @ are not the same, bit for bit, on every machine
-        of_base, rates = ((self._turned * one).sum(axis=1) for one in (up, measured.rates))
+        # sum() gives the same bits on every machine, @ does not
+        of_base, rates = ((self._rotation * one).sum(axis=1) for one in (up, measured.rates))
         roll, pitch = roll_and_pitch(of_base[None])[0].tolist()
-        return measured.sent, vertical_rate(rates, roll, pitch), roll, pitch
+        return measured.stamp, vertical_rate(rates, roll, pitch), roll, pitch
 
-    def _filtered(self, row: Inertial) -> Floats:
-        """The vertical (3,) in the IMU's axes after a message; nan where unknown."""
-        up, force, rates = self._up, np.array(row.acceleration), np.array(row.rates)
-        size = math.sqrt(float(force @ force))
-        rests = abs(size - GRAVITY) < DISTURBED
-        dt = 0.0 if math.isnan(self._last) else min(max(row.sent - self._last, 0.0), SETTLING)
-        self._last = row.sent
+    def _filtered(self, row: ImuReading) -> Floats:
+        """The vertical (3,) in the IMU's axes by the complementary filter; nan while unknown."""
+        up, force, rates = self._vertical, np.array(row.acceleration), np.array(row.rates)
+        norm = math.sqrt(float(force @ force))
+        is_gravity = abs(norm - GRAVITY) < MAX_GRAVITY_ERROR
+        before, self._last_stamp = self._last_stamp, row.stamp
+        dt = 0.0 if math.isnan(before) else min(max(row.stamp - before, 0.0), FILTER_TIME_CONSTANT)
         if up.any() and np.isfinite(rates).all():
             up = up - np.cross(rates, up) * dt
-        if rests:
-            up = up + (force / size - up) * (dt / SETTLING if up.any() else 1.0)
+        if is_gravity:
+            up = up + (force / norm - up) * (dt / FILTER_TIME_CONSTANT if up.any() else 1.0)
         if not up.any():
             return np.full(3, np.nan)
-        self._up = up / math.sqrt(float(up @ up))
-        return self._up
+        self._vertical = up / math.sqrt(float(up @ up))
+        return self._vertical
 
 
 def roll_and_pitch(up: Floats) -> Floats:
-    """Attitudes (n, 2) [rad] of bases that have the vertical (n, 3) in their axes."""
+    """Roll and pitch (n, 2) [rad] from the vertical (n, 3) in a base's axes."""
     x, y, z = up.T
     with np.errstate(invalid="ignore"):
         return np.column_stack([np.arctan2(y, z), -np.arcsin(np.clip(x, -1.0, 1.0))])
 
 
 def vertical_rate(rates: Floats, roll: float, pitch: float) -> float:
-    """Turn rate about the vertical of rates (3,) about a base's axes.
+    """Yaw rate about the vertical from the rates (3,) about a base's axes [rad/s].
 
-    Without an attitude, nan, or with an impossible one, that about the upright axis.
+    If the attitude is nan or implausible, the rate about the base's z axis.
     """
-    if not max(abs(roll), abs(pitch)) <= OVERHEAD:
+    if not max(abs(roll), abs(pitch)) <= MAX_PLAUSIBLE_TILT:
         roll = pitch = 0.0
     return float((math.sin(roll) * rates[1] + math.cos(roll) * rates[2]) / math.cos(pitch))
 
 
-def up_of(orientation: Floats) -> Floats:
-    """The vertical (n, 3) seen from bodies of these orientations (n, 4) in a level frame."""
+def vertical_of(orientation: Floats) -> Floats:
+    """The vertical (n, 3) in the axes of bodies with orientations (n, 4) in a level frame."""
     with np.errstate(invalid="ignore"):
         x, y, z, w = (orientation / np.linalg.norm(orientation, axis=1, keepdims=True)).T
     return np.column_stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
 
 
 def headings(orientation: Floats) -> Floats:
-    """Headings (n,) [rad] of orientations (n, 4) of any length."""
+    """Headings (n,) [rad] of quaternions (n, 4) of any norm."""
     x, y, z, w = orientation.T
     found: Floats = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
     return found

@@ -1,8 +1,8 @@
 """Parameters of one ROS node, read from a launch or parameter file without ROS.
 
 Three kinds of files: ROS 1 parameter YAML (flat, or below the node's name), ROS 2 parameter YAML
-(`node: ros__parameters:`), and launch XML with `<param>`, `<rosparam>` and `<arg>`. What other
-files and programs would have to say (`<include>`, `$(eval ...)`) is noted, not run.
+(`node: ros__parameters:`), and launch XML with `<param>`, `<rosparam>` and `<arg>`. Other files
+and programs that it refers to (`<include>`, `$(eval ...)`) are noted, not run.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from xml.etree.ElementTree import Element
 
 from slams.formats import yaml_file
 
-MAX_DEPTH = 50  # groups in each other; launch files have one or two
-MOST_FILLED = 1 << 20  # characters that substitutions put into a launch file
-LONGEST_NUMBER = 100  # characters
-SUBSTITUTION = re.compile(r"\$\((?:arg|var)\s+([^()]*)\)")
-PARAMETERS = "ros__parameters"
+MAX_GROUP_DEPTH = 50  # nested groups; launch files have one or two
+MAX_SUBSTITUTED_LENGTH = 1 << 20  # characters that substitutions add to a launch file
+MAX_NUMBER_LENGTH = 100  # characters
+SUBSTITUTION_PATTERN = re.compile(r"\$\((?:arg|var)\s+([^()]*)\)")
+ROS2_PARAMETERS_KEY = "ros__parameters"
 
-Leaf = tuple[tuple[str, ...], Any]  # a path of names, from the outside in, and a value
+Leaf = tuple[tuple[str, ...], Any]  # a path of names, outermost first, and a value
 
 
 @dataclass
 class NodeParameters:
-    """Values by name, notes for the user, and files that the node loads but that are not there."""
+    """Values by name, notes for the user, and files that the node loads and the user must give."""
 
     values: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
@@ -36,16 +36,16 @@ class NodeParameters:
 
 
 def read_node(path: str | Path, nodes: Iterable[str], known: Iterable[str]) -> NodeParameters:
-    """The parameters a file gives to a node.
+    """The parameters that a file gives to a node.
 
     Args:
-        path: YAML or launch XML; the content tells which.
-        nodes: what the node may be called: package, executable or name.
-        known: its parameters, for a file that calls the node otherwise.
+        path: YAML or launch XML, distinguished by content.
+        nodes: possible names of the node: package, executable or node name.
+        known: the node's parameters, to recognize it in a file that uses another name.
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: it is neither, or has no such node, or several.
+        ValueError: the file is neither, or has no such node, or several.
     """
     path = Path(path)
     if path.suffix == ".py":
@@ -55,22 +55,22 @@ def read_node(path: str | Path, nodes: Iterable[str], known: Iterable[str]) -> N
     text = yaml_file.read_text(path)
     try:
         if text.lstrip().startswith("<"):
-            return _of_launch(text, path, set(nodes))
-        return _of_yaml(text, path, set(nodes), set(known))
+            return _from_launch(text, path, set(nodes))
+        return _from_yaml(text, path, set(nodes), set(known))
     except RecursionError:
         raise ValueError(f"{path}: nested too deeply for a parameter file") from None
 
 
-def _of_yaml(text: str, path: Path, nodes: set[str], known: set[str]) -> NodeParameters:
+def _from_yaml(text: str, path: Path, nodes: set[str], known: set[str]) -> NodeParameters:
     content = yaml_file.parse(text, path)
     if not isinstance(content, dict):
         raise ValueError(f"{path}: expected parameters 'name: value', or a launch file")
-    leaves = _of_node(list(leaves_of(content)), path, nodes, known)
+    leaves = _leaves_of_node(list(leaves_of(content)), path, nodes, known)
     return NodeParameters(by_name(leaves, path))
 
 
-def _of_node(leaves: list[Leaf], path: Path, nodes: set[str], known: set[str]) -> list[Leaf]:
-    """The leaves below one of the names; without those, the one group with known parameters."""
+def _leaves_of_node(leaves: list[Leaf], path: Path, nodes: set[str], known: set[str]) -> list[Leaf]:
+    """The leaves below one of the node's names; else the only group with known parameters."""
     named = [leaf for leaf in leaves if nodes & set(leaf[0][:-1])]
     if named:
         return [leaf for leaf in leaves if leaf[0][0] == "**"] + named
@@ -87,15 +87,15 @@ def _of_node(leaves: list[Leaf], path: Path, nodes: set[str], known: set[str]) -
 
 
 def _group(names: tuple[str, ...]) -> tuple[str, ...]:
-    if PARAMETERS in names:
-        return names[: names.index(PARAMETERS)]
+    if ROS2_PARAMETERS_KEY in names:
+        return names[: names.index(ROS2_PARAMETERS_KEY)]
     return names[:-1][:1]
 
 
-def _of_launch(text: str, path: Path, nodes: set[str]) -> NodeParameters:
+def _from_launch(text: str, path: Path, nodes: set[str]) -> NodeParameters:
     launch = _Launch(path, nodes)
     try:
-        root = ElementTree.fromstring(text, ElementTree.XMLParser(target=_Tree()))
+        root = ElementTree.fromstring(text, ElementTree.XMLParser(target=_TreeWithoutEntities()))
     except ElementTree.ParseError as error:
         raise ValueError(f"{path}: not a launch file ({error})") from error
     launch.walk(root, {}, ())
@@ -113,15 +113,15 @@ def _of_launch(text: str, path: Path, nodes: set[str]) -> NodeParameters:
     return NodeParameters(by_name(outside, path) | inside, launch.notes, launch.missing)
 
 
-class _Tree(ElementTree.TreeBuilder):
-    """Builds the tree of a file; one that declares entities is refused before they could grow."""
+class _TreeWithoutEntities(ElementTree.TreeBuilder):
+    """Builds the XML tree; refuses entity declarations, which could expand without limit."""
 
     def doctype(self, *_: object) -> None:
-        raise ElementTree.ParseError("those have no <!DOCTYPE ...>")
+        raise ElementTree.ParseError("a launch file has no <!DOCTYPE ...>")
 
 
 class _Launch:
-    """One walk through a launch file, top to bottom as roslaunch does it."""
+    """Collects parameters from a launch file, top to bottom as roslaunch does."""
 
     def __init__(self, path: Path, nodes: set[str]) -> None:
         self.notes: list[str] = []
@@ -131,77 +131,78 @@ class _Launch:
         self.missing: list[str] = []
         self._path = path
         self._nodes = nodes
-        self._filled_in = 0
+        self._expanded_length = 0
 
     def walk(self, parent: Element, args: dict[str, str], groups: tuple[str, ...]) -> None:
-        """Take the parameters of a `<launch>` or `<group>`; `groups` are namespaces around it."""
-        if len(groups) > MAX_DEPTH:
+        """Add the parameters of a `<launch>` or `<group>`; `groups` are the enclosing ones."""
+        if len(groups) > MAX_GROUP_DEPTH:
             raise ValueError(f"{self._path}: nested too deeply for a launch file")
         for element in parent:
-            if not self._enabled(element, args):
+            if not self._is_enabled(element, args):
                 continue
             if element.tag == "arg" and "name" in element.attrib:
                 self._argument(element, args)
             elif element.tag == "group":
-                namespace = self._filled(element.get("ns", ""), args)
+                namespace = self._expanded(element.get("ns", ""), args)
                 self.walk(element, dict(args), (*groups, namespace))
             elif element.tag == "include":
                 self.notes.append(f"<include {element.get('file', '')}> is not followed")
             elif element.tag == "node":
                 self._node(element, args)
             else:
-                around = parts("/".join(groups))
-                self.outside += [((*around, *n), v) for n, v in self._given(element, args)]
+                outer = names_of("/".join(groups))
+                self.outside += [((*outer, *n), v) for n, v in self._leaves(element, args)]
 
     def _argument(self, element: Element, args: dict[str, str]) -> None:
         text = element.get("value", element.get("default"))
         if text is not None:
-            args[element.attrib["name"]] = self._filled(text, args)
+            args[element.attrib["name"]] = self._expanded(text, args)
 
     def _node(self, element: Element, args: dict[str, str]) -> None:
-        keys = ("pkg", "type", "exec")
-        called = {self._filled(element.get(key, ""), args) for key in keys}
-        if not called & self._nodes:
+        attributes = (element.get(key, "") for key in ("pkg", "type", "exec"))
+        programs = {self._expanded(text, args) for text in attributes}
+        if not programs & self._nodes:
             self.others.add(element.get("pkg", "?"))
             return
         leaves = [
             leaf
             for child in element
-            if self._enabled(child, args)
-            for leaf in self._given(child, args, inside=True)
+            if self._is_enabled(child, args)
+            for leaf in self._leaves(child, args, inside=True)
         ]
-        self.found.append((self._filled(element.get("name", ""), args), leaves))
+        self.found.append((self._expanded(element.get("name", ""), args), leaves))
 
-    def _given(self, element: Element, args: dict[str, str], inside: bool = False) -> list[Leaf]:
+    def _leaves(self, element: Element, args: dict[str, str], inside: bool = False) -> list[Leaf]:
         """Leaves of one `<param>` or `<rosparam>`, `inside` the node or around it."""
         if element.tag not in ("param", "rosparam"):
             return []
         if (command := element.get("command", "load")) != "load":
-            self.notes.append(f"command {self._filled(command, args)!r} is not run")
+            self.notes.append(f"command {self._expanded(command, args)!r} is not run")
             return []
         if file := element.get("file") or element.get("from"):
-            name = self._filled(file, args)
+            name = self._expanded(file, args)
             if inside:
                 self.missing.append(name)
             else:
-                self.notes.append(f"{name} is another file; give it, too, if it matters")
+                self.notes.append(f"{name} is another file; give it, too, if it is needed")
             return []
         if element.tag == "param" and "name" in element.attrib:
-            value = self._filled(element.get("value", ""), args)
-            return [(parts(self._filled(element.attrib["name"], args)), _scalar(value, self._path))]
+            name = self._expanded(element.attrib["name"], args)
+            value = self._expanded(element.get("value", ""), args)
+            return [(names_of(name), _scalar(value, self._path))]
         if element.tag != "rosparam":
             return []
-        content = yaml_file.parse(self._filled(element.text or "", args), self._path)
-        names = parts(f"{element.get('ns', '')}/{element.get('param', '')}")
+        content = yaml_file.parse(self._expanded(element.text or "", args), self._path)
+        names = names_of(f"{element.get('ns', '')}/{element.get('param', '')}")
         if isinstance(content, dict):
             return [((*names, *leaf), value) for leaf, value in leaves_of(content)]
         return [(names, content)] if names else []
 
-    def _enabled(self, element: Element, args: dict[str, str]) -> bool:
+    def _is_enabled(self, element: Element, args: dict[str, str]) -> bool:
         for key, wanted in (("if", True), ("unless", False)):
             if key not in element.attrib:
                 continue
-            text = self._filled(element.attrib[key], args).strip().lower()
+            text = self._expanded(element.attrib[key], args).strip().lower()
             if text not in ("true", "false", "1", "0"):
                 self.notes.append(f"<{element.tag} {key}={text!r}> is left out: not understood")
                 return False
@@ -209,22 +210,22 @@ class _Launch:
                 return False
         return True
 
-    def _filled(self, text: str, args: dict[str, str]) -> str:
-        """`text` with `$(arg x)` and `$(var x)` filled in where known."""
+    def _expanded(self, text: str, args: dict[str, str]) -> str:
+        """`text` with the known `$(arg x)` and `$(var x)` substituted."""
 
         def _value(match: re.Match[str]) -> str:
             value = args.get(match[1].strip(), match[0])
-            self._filled_in += len(value)
-            if self._filled_in > MOST_FILLED:
-                raise ValueError(f"{self._path}: its $(arg ...) make it longer than 1 MB")
+            self._expanded_length += len(value)
+            if self._expanded_length > MAX_SUBSTITUTED_LENGTH:
+                raise ValueError(f"{self._path}: longer than 1 MB with its $(arg ...) substituted")
             return value
 
-        return SUBSTITUTION.sub(_value, text)
+        return SUBSTITUTION_PATTERN.sub(_value, text)
 
 
 def _scalar(text: str, path: Path) -> Any:
-    """A value as roslaunch would type it: number, truth or text."""
-    if len(text) > LONGEST_NUMBER:
+    """A value with the type that roslaunch gives it: number, boolean or text."""
+    if len(text) > MAX_NUMBER_LENGTH:
         return text
     try:
         value = yaml_file.parse(text, path)
@@ -234,33 +235,33 @@ def _scalar(text: str, path: Path) -> Any:
 
 
 def leaves_of(content: dict[Any, Any]) -> Iterator[Leaf]:
-    """Every value with its path of names; "a/b" and "a.b" are paths, too."""
+    """Every value with its path of names; keys "a/b" and "a.b" are paths, too."""
     for key, value in content.items():
-        names = parts(str(key))
+        names = names_of(str(key))
         if isinstance(value, dict):
             yield from (((*names, *below), leaf) for below, leaf in leaves_of(value))
         elif names:
             yield names, value
 
 
-def parts(name: str) -> tuple[str, ...]:
-    """Names from the outside in; "~x" and "~/x" are the node's own x."""
+def names_of(name: str) -> tuple[str, ...]:
+    """The names in a path, outermost first; "~x" and "~/x" are the node's own x."""
     return tuple(part.lstrip("~") for part in re.split(r"[/.]", name) if part.strip("~"))
 
 
 def by_name(leaves: list[Leaf], path: Path) -> dict[str, Any]:
-    """The values by the last of their names; what is said of all nodes ("**") is overruled.
+    """The values by the last name of their paths; a value for all nodes ("**") has less weight.
 
     Raises:
         ValueError: one name has two values.
     """
     values: dict[str, Any] = {}
-    came_from: dict[str, tuple[str, ...]] = {}
+    origins: dict[str, tuple[str, ...]] = {}
     for names, value in leaves:
         name = names[-1]
-        before = came_from.get(name, ("**",))
-        if before[0] != "**" and values[name] != value:
-            both = f"{'/'.join(before)}: {values[name]} and {'/'.join(names)}: {value}"
+        origin = origins.get(name, ("**",))
+        if origin[0] != "**" and values[name] != value:
+            both = f"{'/'.join(origin)}: {values[name]} and {'/'.join(names)}: {value}"
             raise ValueError(f"{path}: two values of one parameter ({both}); keep one")
-        values[name], came_from[name] = value, names
+        values[name], origins[name] = value, names
     return values

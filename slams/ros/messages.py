@@ -1,4 +1,4 @@
-"""Messages of the standard ROS types: their names and definitions, and what each says."""
+"""The standard ROS message types: names and definitions, and readers of their content."""
 
 from __future__ import annotations
 
@@ -10,31 +10,32 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 if TYPE_CHECKING:
     from slams.types import Laser, Ranges
 
-SCAN = "sensor_msgs/msg/LaserScan"
-ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
-IMU = "sensor_msgs/msg/Imu"
-ODOMETRY = "nav_msgs/msg/Odometry"
-POSE = "geometry_msgs/msg/PoseStamped"
-POSE_COV = "geometry_msgs/msg/PoseWithCovarianceStamped"
-PATH = "nav_msgs/msg/Path"
-MAP = "nav_msgs/msg/OccupancyGrid"
-TF, OLD_TF = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
-SCANS, TRUTHS, TFS = (SCAN, ECHOES), (ODOMETRY, POSE, POSE_COV), (TF, OLD_TF)
-POSES = (*TRUTHS, PATH)
-KNOWN = frozenset({*SCANS, *POSES, *TFS, IMU})
+SCAN_TYPE = "sensor_msgs/msg/LaserScan"
+MULTI_ECHO_TYPE = "sensor_msgs/msg/MultiEchoLaserScan"
+IMU_TYPE = "sensor_msgs/msg/Imu"
+ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
+POSE_TYPE = "geometry_msgs/msg/PoseStamped"
+POSE_COV_TYPE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+PATH_TYPE = "nav_msgs/msg/Path"
+MAP_TYPE = "nav_msgs/msg/OccupancyGrid"
+TF_TYPE, OLD_TF_TYPE = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
+SCAN_TYPES, TF_TYPES = (SCAN_TYPE, MULTI_ECHO_TYPE), (TF_TYPE, OLD_TF_TYPE)
+TRUTH_TYPES = (ODOMETRY_TYPE, POSE_TYPE, POSE_COV_TYPE)
+POSE_TYPES = (*TRUTH_TYPES, PATH_TYPE)
+READABLE_TYPES = frozenset({*SCAN_TYPES, *POSE_TYPES, *TF_TYPES, IMU_TYPE})
 
 
-class Inertial(NamedTuple):
-    """One message in the IMU's own axes: orientation x, y, z, w, rates, acceleration; nan: none."""
+class ImuReading(NamedTuple):
+    """Stamp [s], quaternion x, y, z, w, rates, acceleration in the IMU's axes; nan: unknown."""
 
-    sent: float
+    stamp: float
     orientation: tuple[float, float, float, float]
     rates: tuple[float, float, float]
     acceleration: tuple[float, float, float]
 
 
 class Record(NamedTuple):
-    """One message as stored; `received` [ns] is when the recorder got it."""
+    """One message as stored in a bag; `received` is the recorder's time [ns]."""
 
     topic: str
     msgtype: str
@@ -43,8 +44,8 @@ class Record(NamedTuple):
 
 
 @cache
-def store() -> Any:
-    """Definitions, classes and CDR of the ROS 2 messages; the standard ones never changed."""
+def typestore() -> Any:
+    """Definitions, classes and CDR of ROS 2's standard messages, the same in all releases."""
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_HUMBLE)
@@ -52,29 +53,29 @@ def store() -> Any:
 
 @cache
 def decoder(ros1: bool) -> Callable[[bytes, str], Any]:
-    """What turns raw messages of the known types into objects.
+    """The function that decodes raw messages of `READABLE_TYPES`.
 
-    The standard definitions are used, not those of the bag: an old recording has none, and one
-    odd definition among them is no reason to refuse the scans.
+    It uses the standard definitions instead of the bag's: an old recording has none, and a broken
+    definition of another type must not prevent reading the scans.
     """
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    types: Any = get_typestore(Stores.ROS1_NOETIC) if ros1 else store()
-    for name in TFS if ros1 else ():
+    types: Any = get_typestore(Stores.ROS1_NOETIC) if ros1 else typestore()
+    for name in TF_TYPES if ros1 else ():
         types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
     decode: Callable[[bytes, str], Any] = types.deserialize_ros1 if ros1 else types.deserialize_cdr
     return decode
 
 
-def _sweep(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
-    """Of several echoes the first of each beam; none means nothing up to range_max."""
+def _scan_of(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
+    """Frame, ranges and geometry of a scan; of several echoes the first, of none infinity."""
     from slams.laser_table import single
     from slams.types import Laser
 
-    found = message.ranges
-    if getattr(message, "__msgtype__", SCAN) == ECHOES:
-        found = [beam.echoes[0] if len(beam.echoes) else math.inf for beam in found]
-    ranges = single(found).copy()
+    readings = message.ranges
+    if getattr(message, "__msgtype__", SCAN_TYPE) == MULTI_ECHO_TYPE:
+        readings = [beam.echoes[0] if len(beam.echoes) else math.inf for beam in readings]
+    ranges = single(readings).copy()
     geometry = Laser(
         float(message.angle_min),
         float(message.angle_increment),
@@ -86,24 +87,24 @@ def _sweep(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
     return getattr(message.header, "frame_id", ""), (ranges, geometry)
 
 
-def inertial(message: Any) -> Inertial:
-    """Of a sensor_msgs/Imu; a covariance of -1 says that there is none.
+def imu_reading(message: Any) -> ImuReading:
+    """The reading in a sensor_msgs/Imu; a covariance of -1 marks a value that is not measured.
 
-    So does an orientation of zeros or the identity: drivers without one leave it at that, and what
-    is measured has noise.
+    An orientation of zeros or the identity is not measured either: it is a driver's placeholder,
+    and a measured one has noise.
     """
     q, w, a = message.orientation, message.angular_velocity, message.linear_acceleration
-    oriented = message.orientation_covariance[0] != -1.0 and (q.x or q.y or q.z)
-    turning = message.angular_velocity_covariance[0] != -1.0
-    return Inertial(
+    has_orientation = message.orientation_covariance[0] != -1.0 and (q.x or q.y or q.z)
+    has_rates = message.angular_velocity_covariance[0] != -1.0
+    return ImuReading(
         seconds(message.header.stamp),
-        (q.x, q.y, q.z, q.w) if oriented else (math.nan,) * 4,
-        (w.x, w.y, w.z) if turning else (math.nan,) * 3,
+        (q.x, q.y, q.z, q.w) if has_orientation else (math.nan,) * 4,
+        (w.x, w.y, w.z) if has_rates else (math.nan,) * 3,
         (a.x, a.y, a.z),
     )
 
 
-def pose_of(pose: Any) -> list[float]:
+def planar_pose(pose: Any) -> list[float]:
     """Planar x, y [m], heading [rad] of a pose message."""
     return [pose.position.x, pose.position.y, yaw_of(pose.orientation)]
 
@@ -122,11 +123,11 @@ def seconds(stamp: Any) -> float:
     return float(stamp)
 
 
-READ: dict[str, Callable[[Any], tuple[str, Any]]] = {
-    SCAN: _sweep,
-    ECHOES: _sweep,
-    ODOMETRY: lambda message: (message.child_frame_id, pose_of(message.pose.pose)),
-    IMU: lambda message: (message.header.frame_id, inertial(message)),
-    POSE: lambda message: ("", pose_of(message.pose)),
-    POSE_COV: lambda message: ("", pose_of(message.pose.pose)),
+READERS: dict[str, Callable[[Any], tuple[str, Any]]] = {
+    SCAN_TYPE: _scan_of,
+    MULTI_ECHO_TYPE: _scan_of,
+    ODOMETRY_TYPE: lambda message: (message.child_frame_id, planar_pose(message.pose.pose)),
+    IMU_TYPE: lambda message: (message.header.frame_id, imu_reading(message)),
+    POSE_TYPE: lambda message: ("", planar_pose(message.pose)),
+    POSE_COV_TYPE: lambda message: ("", planar_pose(message.pose.pose)),
 }

@@ -3,7 +3,7 @@
 import pytest
 
 from slams import info
-from slams.ros.messages import SCAN
+from slams.ros.messages import SCAN_TYPE
 from tests import bags
 from tests.rooms import drive
 
@@ -33,7 +33,7 @@ def recorded(make):
 def test_a_bag_is_shown_by_topics_frames_lasers_gaps_and_uses(kind, tmp_path, capsys):
     lines = lines_of(capsys, bags.write(tmp_path, kind, recorded))
     assert lines[0] == f"drive.{kind}: 62 messages"
-    assert f"  /scan           20  {SCAN}" in lines
+    assert f"  /scan           20  {SCAN_TYPE}" in lines
     assert f"  /chat            1  {bags.STRING}" in lines
     assert "  frame base_link in odom: moves, 20 stamps" in lines
     assert "  frame laser in base_link: fixed" in lines

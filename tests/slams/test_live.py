@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from slams import LiveSlam, Pose2
-from slams.live.estimate import LATE_IN_A_ROW
+from slams.live.estimate import MAX_CONSECUTIVE_LATE
 from slams.registry import BUILT_IN, find
 from slams.ros.messages import seconds
 from slams.types import Attitude
@@ -77,7 +77,7 @@ def test_single_late_scans_do_not_set_the_clock_back(log):
     live, scans = LiveSlam("odometry", warm_up=False), list(log)
     for k in range(3):
         assert push(live, scans[20 + k]).used
-        assert not any(push(live, scan).used for scan in scans[: LATE_IN_A_ROW - 2])
+        assert not any(push(live, scan).used for scan in scans[: MAX_CONSECUTIVE_LATE - 2])
     assert live.report()["clock_set_back"] == 0
 
 

@@ -154,7 +154,7 @@ def test_the_trap_of_the_old_threshold_is_told_and_avoided(negate, tmp_path):
 
     trap, notes = {"free_thresh": 0.25, "negate": negate}, []
     same(cells(a_map(tmp_path, pixels(0, 254, 205), **trap), notes), [[1, 0, np.nan]])
-    assert "make the gray of unknown cells (205) free; they are taken as unknown all" in notes[0]
+    assert "make the gray of unknown cells (205) free; they are taken as unknown" in notes[0]
     notes.clear()
     cells(a_map(tmp_path, [[0, 254]], free_thresh=0.25), notes)
     cells(a_map(tmp_path, [[0, 254, 205]]), notes)
@@ -174,7 +174,7 @@ def test_the_trap_of_the_old_threshold_is_told_and_avoided(negate, tmp_path):
         ({"mode": "scale"}, "mode: got scale, expected trinary; save it"),
         ({"resolution": 0.0}, "resolution 0, .* expected a resolution above 0"),
         ({"resolution": "fine"}, "not a number"),
-        ({"image": "none.png"}, "no such picture"),
+        ({"image": "none.png"}, "its picture none.png is not in"),
         ({"image": "m.yaml"}, "not a picture"),
         (b"- 1\n- 2\n", "expected the yaml of a map"),
         (b"image: none.pgm\n", "no resolution, origin; expected the yaml of a map"),

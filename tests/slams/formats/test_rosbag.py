@@ -209,7 +209,7 @@ REFUSED = [
     (drive, {"imu": "/gyro"}, "--imu: no IMU messages on /gyro; there are: /imu (12)"),
     (mocap, {"truth": "no"}, "'no' is no topic, frame or file; topics: /mocap (12)"),
     (tree(*CHAIN), {"base_frame": "map"}, "--base-frame: map is not fixed to the laser's frame"),
-    (tree(*NO_NAMES), {}, "hangs on 2 frames, --base-frame picks one: b, a"),
+    (tree(*NO_NAMES), {}, "is below 2 frames, --base-frame picks one: b, a"),
     (tree(("base_link", "laser", (1e6, 0, 0), 0.0, 0.0)), {}, "mount: got (1000000.0"),
     (
         lambda make: [("/scan", 1e10 + t, make.scan(0.0, [1.0])) for t in T],
@@ -345,10 +345,10 @@ first_empty = each("/scan", lambda make, i, t: make.scan(t, [1.0] * 3 if i else 
         (tree((*MOUNT[:4], math.radians(30.0))), "the laser is tilted by 30 degrees"),
         (each("/scan", lambda make, *_: make.scan(0.0, [1.0])), "the times of recording"),
         (scans(beam=0.1), "does not fit a scan every 0.1 s; scans are taken as instantaneous"),
-        (scans(limits=(0.1, 0.0)), "range_max is 0; 1.00 m are taken instead"),
-        (scans(limits=(0.1, 1e9)), "are taken instead"),
-        (scans(limits=(0.1, 3e38)), "are taken instead"),
-        (scans(limits=(0.1, math.inf)), "are taken instead"),
+        (scans(limits=(0.1, 0.0)), "range_max is 0; 1.00 m is used instead"),
+        (scans(limits=(0.1, 1e9)), "is used instead"),
+        (scans(limits=(0.1, 3e38)), "is used instead"),
+        (scans(limits=(0.1, math.inf)), "is used instead"),
         (first_empty, "1 scans without beams or angles are left out"),
     ],
 )
@@ -377,7 +377,7 @@ def test_a_bag_cut_short_is_refused_or_salvaged(kind, tmp_path, capsys):
     assert err.count("\n") == 1
     assert err.startswith(f"slams convert: {path}: cut short or damaged (")
     assert DAMAGE[kind.partition("-")[0]] in err
-    assert err.endswith("--salvage reads what is whole\n")
+    assert err.endswith("--salvage reads the undamaged part\n")
     assert not out.exists()
     assert convert.main([str(path), str(out), "--salvage"]) == 0
     assert "note: cut short or damaged" in capsys.readouterr().err

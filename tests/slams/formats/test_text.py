@@ -188,11 +188,11 @@ def test_a_line_cut_in_half_is_refused_or_left_out(kind, tmp_path, capsys):
     out = tmp_path / "o.npz"
     assert convert.main([str(path), str(out)]) == 2
     word = HALVES[kind].split()[0]
-    sentence = f"{path}: line 6 ({word}) is not whole; --salvage leaves such lines out\n"
+    sentence = f"{path}: line 6 ({word}) is incomplete; --salvage leaves such lines out\n"
     assert capsys.readouterr().err == f"slams convert: {sentence}"
     assert not out.exists()
     assert convert.main([str(path), str(out), "--salvage"]) == 0
-    assert "note: 1 lines are not whole and left out" in capsys.readouterr().err
+    assert "note: 1 lines are incomplete and left out" in capsys.readouterr().err
     assert len(slams.load(out)) == 2
 
 
@@ -200,10 +200,10 @@ def test_no_laser_lines(tmp_path):
     path = written(tmp_path, "ODOM 1 2 3 0 0 0 1.0 host 1.0")
     assert "no laser lines; expected FLASER, RAWLASER1 or ROBOTLASER1" in refused(path)
     path = written(tmp_path, "FLASER 3 1")
-    assert "line 5 (FLASER) is not whole" in refused(path)
-    assert "no FLASER line is whole" in refused(path, salvage=True)
+    assert "line 5 (FLASER) is incomplete" in refused(path)
+    assert "no FLASER line is complete" in refused(path, salvage=True)
     path = written(tmp_path, ROBOT.format(READINGS, "3 7.0 8.0 "))  # a remission is missing
-    assert "line 5 (ROBOTLASER1) is not whole" in refused(path)
+    assert "line 5 (ROBOTLASER1) is incomplete" in refused(path)
 
 
 @pytest.mark.parametrize("damage", ["cut", "corrupt"])
@@ -218,7 +218,7 @@ def test_packed_logs_that_are_not_whole(damage, tmp_path):
     else:
         data[half : half + 200] = b"\xff" * 200
     path.write_bytes(bytes(data))
-    assert "; copy it again, or unpack what is whole by zcat" in refused(path, salvage=True)
+    assert "; copy it again, or unpack the undamaged part by zcat" in refused(path, salvage=True)
 
 
 def test_other_text_is_refused(tmp_path):

@@ -63,8 +63,8 @@ def test_what_we_write_reads_back(packed, tmp_path):
         ("1 2 3 0 0 0 0 1\n2 nan 3 0 0 0 0 1\n", "1 of 2 poses are not finite or no rotation"),
         ("1 2 3 0 0 0 0 1\n2 2 3 0 0 0 0 0\n", "1 of 2 poses are not finite or no rotation"),
         ("inf 2 3 0 0 0 0 1\n2 2 3 0 0 0 0 1\n", "1 of 2 poses are not finite"),
-        (rows(3, 2, 1), "2 of 3 stamps lie before the one ahead of them"),
-        (rows(1, 2, 3, 4, 5, 6, 8, 7), "1 of 8 stamps lie before"),
+        (rows(3, 2, 1), "2 of 3 stamps are earlier than the stamp before them"),
+        (rows(1, 2, 3, 4, 5, 6, 8, 7), "1 of 8 stamps are earlier"),
     ],
 )
 def test_a_file_that_is_no_trajectory(text, sentence, tmp_path):
@@ -247,5 +247,5 @@ def test_a_file_goes_before_a_topic_and_a_slash_makes_it_the_topic(bag, tmp_path
 def test_a_damaged_bag_is_refused_or_salvaged(tmp_path):
     path = bags.write(tmp_path, "mcap", recorded)
     path.write_bytes(path.read_bytes()[:-60])
-    assert "--salvage reads what is whole" in refused("/amcl", path)
+    assert "--salvage reads the undamaged part" in refused("/amcl", path)
     same(read_trajectory("/amcl", path, SourceOptions(odom="odom", salvage=True)))

@@ -12,12 +12,20 @@ import slams
 from slams import LiveSlam
 from slams.live import node
 from slams.live.node import Node
-from slams.live.options import NodeOptions, Quality, renamed
+from slams.live.options import NodeOptions, Quality, topic_names
 from slams.live.recorder import Recorder
 from slams.live.robot import Robot
 from slams.player import replay
 from slams.ros.maker import Maker
-from slams.ros.messages import IMU, ODOMETRY, SCAN, TF, Record, store, yaw_of
+from slams.ros.messages import (
+    IMU_TYPE,
+    ODOMETRY_TYPE,
+    SCAN_TYPE,
+    TF_TYPE,
+    Record,
+    typestore,
+    yaw_of,
+)
 from slams.scanlog import TimeSeries
 from slams.types import Pose2
 from tests.rooms import drive, laser, scan_at, way
@@ -49,11 +57,11 @@ class Bus:
         return BusTransport(self)
 
     def sent(self, topic):
-        return [store().deserialize_cdr(d, self.types[topic]) for d in self.raw.get(topic, [])]
+        return [typestore().deserialize_cdr(d, self.types[topic]) for d in self.raw.get(topic, [])]
 
     def publish(self, topic, msgtype, message, quality=Quality.RELIABLE):
         self.transport().advertise(topic, msgtype, quality).publish(
-            bytes(store().serialize_cdr(message, msgtype))
+            bytes(typestore().serialize_cdr(message, msgtype))
         )
 
 
@@ -120,20 +128,20 @@ class Idle:
 
 
 class Stand:
-    """A node and the bus it is on; `said` is what it tells the user, `file` where it records."""
+    """A node and its bus; `notes` are its messages to the user, `file` is its recording."""
 
     def __init__(
         self, monkeypatch, algorithm="odometry", file=None, bus=None, begin=None, **options
     ):
-        for time in ("SETTLING_TIME", "MAX_WAIT_FOR_TF", "POLL_PERIOD"):
+        for time in ("TF_SETTLING_TIME", "MAX_TF_WAIT", "POLL_PERIOD"):
             monkeypatch.setattr(node, time, 0.0)
-        self.bus, self.said, self.make = bus or Bus(), [], Maker()
+        self.bus, self.notes, self.make = bus or Bus(), [], Maker()
         usual = {"map_every": 0.0, "wait": 0.0}
         self.algorithm, self.file = algorithm, file
         self.live = LiveSlam(algorithm, warm_up=False, **(begin or {}))
         self.transport = self.bus.transport()
         options = NodeOptions(**(usual | options))
-        self.node = Node(self.live, self.transport, options, self.said.append)
+        self.node = Node(self.live, self.transport, options, self.notes.append)
         self.node.recorder = None if file is None else Recorder(file, options)
         self.transport.listen()
         self.transport.wanted.clear()
@@ -170,27 +178,27 @@ class Stand:
         self.node.check()
 
     def play(self, log):
-        robot = Robot(log, self.bus.transport(), renamed())
-        for moment in robot.moments:
+        robot = Robot(log, self.bus.transport(), topic_names())
+        for moment in robot.schedule:
             robot.send(moment)
 
     def tf(self, *edges, t=0, static=True):
         topic = "/tf_static" if static else "/tf"
         quality = Quality.LATCHED if static else Quality.RELIABLE
-        self.bus.publish(topic, TF, self.make.transforms(t, edges), quality)
+        self.bus.publish(topic, TF_TYPE, self.make.transforms(t, edges), quality)
 
     def scan(self, t, frame="laser", pose=(0.0, 0.0, 0.0), topic="/scan"):
-        self.bus.publish(topic, SCAN, scan_message(t, frame, pose))
+        self.bus.publish(topic, SCAN_TYPE, scan_message(t, frame, pose))
 
     def odometry(self, t, pose, child="base_link"):
         message = self.make.odometry(round(1e9 * t), Pose2(*pose), "odom", child)
-        self.bus.publish("/odom", ODOMETRY, message)
+        self.bus.publish("/odom", ODOMETRY_TYPE, message)
 
     def moved(self, t, pose, child="base_link"):
         self.tf(("odom", child, Pose2(*pose)), t=round(1e9 * t), static=False)
 
     def gyro(self, t, rate, frame="imu"):
-        self.bus.publish("/imu", IMU, self.make.imu(round(1e9 * t), rate, frame))
+        self.bus.publish("/imu", IMU_TYPE, self.make.imu(round(1e9 * t), rate, frame))
 
 
 def mounted(monkeypatch, **options):
@@ -204,7 +212,7 @@ def scan_message(t, frame="laser", pose=(0.0, 0.0, 0.0)):
 
 
 def scan_record(t, topic="/scan"):
-    return Record(topic, SCAN, 0, bytes(store().serialize_cdr(scan_message(t), SCAN)))
+    return Record(topic, SCAN_TYPE, 0, bytes(typestore().serialize_cdr(scan_message(t), SCAN_TYPE)))
 
 
 def turned_over(message):

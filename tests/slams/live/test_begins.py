@@ -11,7 +11,7 @@ import slams
 from slams import LiveSlam, Pose2, run
 from slams.formats.occupancy import write_map
 from slams.live import __main__ as command
-from slams.live.options import renamed
+from slams.live.options import topic_names
 from slams.live.robot import Robot
 from slams.live.slam import MAX_RESUME_GAP
 from slams.types import IDENTITY
@@ -44,17 +44,17 @@ def driven(stand, robot, moments):
 def test_going_on_from_a_state_equals_never_having_stopped(algorithm, monkeypatch, tmp_path):
     def stand_of(**begin):
         bus = Bus()
-        robot = Robot(robot_log(30, -0.1, gyro=False), bus.transport(), renamed())
+        robot = Robot(robot_log(30, -0.1, gyro=False), bus.transport(), topic_names())
         return Stand(monkeypatch, algorithm, bus=bus, begin=begin), robot
 
     stand, robot = stand_of()
-    whole = driven(stand, robot, robot.moments)
-    cut = next(k for k, moment in enumerate(robot.moments) if moment.t > 1.65)
+    whole = driven(stand, robot, robot.schedule)
+    cut = next(k for k, moment in enumerate(robot.schedule) if moment.t > 1.65)
     first, robot = stand_of()
-    before = driven(first, robot, robot.moments[:cut])
+    before = driven(first, robot, robot.schedule[:cut])
     first.live.save(tmp_path / "s")
     second, robot = stand_of(state=tmp_path / "s")
-    after = driven(second, robot, robot.moments[cut:])
+    after = driven(second, robot, robot.schedule[cut:])
     assert 10 < len(before) < 20
     assert np.array_equal(np.vstack([before, after]), whole)
     assert np.array_equal(second.live.map().p, stand.live.map().p, equal_nan=True)
@@ -139,7 +139,7 @@ def test_a_map_that_stays_is_shown_at_once_and_the_place_found(folder, monkeypat
     assert np.hypot(*off.T).max() < 0.05
     report = stand.node.report()
     assert report["sought"] == 3 and report["algorithm"]["explained"] > 0.9
-    assert any(said.startswith("found at 0.3") and "after 3 scans" in said for said in stand.said)
+    assert any(note.startswith("found at 0.3") and "after 3 scans" in note for note in stand.notes)
 
 
 def test_a_place_in_doubt_is_told_and_nothing_is_published(monkeypatch, tmp_path):
@@ -155,7 +155,7 @@ def test_a_place_in_doubt_is_told_and_nothing_is_published(monkeypatch, tmp_path
     stand.look()
     assert "/pose" not in stand.bus.raw and len(stand.bus.sent("/tf")) == moved
     assert len(stand.bus.sent("/slam/state")) == n
-    (sentence,) = [said for said in stand.said if "the place in the map is not sure" in said]
+    (sentence,) = [note for note in stand.notes if "not localized in the map yet" in note]
     assert (
         sentence.startswith("1 scans so far")  # and again after a while
         and "most likely: " in sentence
@@ -178,13 +178,13 @@ def test_a_start_is_taken(folder):
 def test_what_does_not_fit_is_refused(folder, tmp_path):
     state = tmp_path / "s"
     live = LiveSlam("odometry", warm_up=False)
-    with pytest.raises(ValueError, match="nothing to save: no scan came yet"):
+    with pytest.raises(ValueError, match="nothing to save: no scan yet"):
         live.save(state)
     live.push_scan(scan_at((0.0, 0.0, 0.0)))
     live.save(state)
     for changes, error, sentence in (
-        ({"map_start": (0, 0, 0)}, ValueError, "got a place without a map"),
-        ({"state": state, "map": folder / "map.yaml"}, ValueError, "map: stays as it is"),
+        ({"map_start": (0, 0, 0)}, ValueError, "got a pose without a map"),
+        ({"state": state, "map": folder / "map.yaml"}, ValueError, "map: got a state"),
         ({"state": folder / "map.yaml"}, ValueError, "not a state; expected a file of"),
         ({"state": tmp_path / "none"}, OSError, "none"),
         ({"map": folder / "map.yaml"}, TypeError, "odometry cannot localize in a map"),
@@ -192,7 +192,7 @@ def test_what_does_not_fit_is_refused(folder, tmp_path):
         with pytest.raises(error, match=sentence):
             LiveSlam("odometry", warm_up=False, **changes)
     given = LiveSlam("hector", map=folder / "map.yaml", map_start=START, warm_up=False)
-    with pytest.raises(ValueError, match="the map stays as it was given"):
+    with pytest.raises(ValueError, match="a given map does not change"):
         given.save(state)
     with pytest.raises(OSError, match="no such folder"):
         live.check_saving(tmp_path / "no" / "s")

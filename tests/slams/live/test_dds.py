@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import slams
-from slams.live.options import MAP, STATUS, TYPES, Quality
+from slams.live.options import DIAGNOSTICS_TYPE, NODE_TYPES, Quality
 from slams.player import replay
 from slams.ros.maker import Maker
-from slams.ros.messages import PATH, POSE_COV, SCAN, TF, store
+from slams.ros.messages import MAP_TYPE, PATH_TYPE, POSE_COV_TYPE, SCAN_TYPE, TF_TYPE, typestore
 from slams.types import OccupancyGrid, Pose2
 from tests.rooms import drive, laser
 from tests.slams.live.commands import DOMAIN, PATIENCE, started
@@ -45,23 +45,23 @@ def examples():
     make, pose = Maker(), Pose2(1.0, -2.0, 0.5)
     grid = OccupancyGrid(np.array([[0.0, 1.0, np.nan]], np.float32), 0.05, (-1.0, -2.0))
     return {
-        SCAN: make.scan(5, "laser", laser(1081), np.arange(1081, dtype=np.float32), 0.1),
+        SCAN_TYPE: make.scan(5, "laser", laser(1081), np.arange(1081, dtype=np.float32), 0.1),
         "nav_msgs/msg/Odometry": make.odometry(6, pose, "odom", "base"),
         "sensor_msgs/msg/Imu": make.imu(7, 0.5, "imu"),
-        TF: make.transforms(8, [("a", "b", pose), ("longer_name", "c", pose)]),
-        MAP: make.grid(9, grid, "map"),
-        PATH: make.path([9], np.array([pose]), "map"),
-        POSE_COV: make.posed(10, pose, np.diag([1.0, 2.0, np.inf]), "map"),
-        STATUS: make.status(11, "slams", 1, "predicted", {"quality": "0.5", "n": "3"}),
+        TF_TYPE: make.transforms(8, [("a", "b", pose), ("longer_name", "c", pose)]),
+        MAP_TYPE: make.grid(9, grid, "map"),
+        PATH_TYPE: make.path([9], np.array([pose]), "map"),
+        POSE_COV_TYPE: make.pose_with_covariance(10, pose, np.diag([1.0, 2.0, np.inf]), "map"),
+        DIAGNOSTICS_TYPE: make.status(11, "slams", 1, "predicted", {"quality": "0.5", "n": "3"}),
     }
 
 
 def packed(msgtype):
-    return bytes(store().serialize_cdr(examples()[msgtype], msgtype))
+    return bytes(typestore().serialize_cdr(examples()[msgtype], msgtype))
 
 
 def test_names_are_ros_2s():
-    assert transport.type_name(SCAN) == "sensor_msgs::msg::dds_::LaserScan_"
+    assert transport.type_name(SCAN_TYPE) == "sensor_msgs::msg::dds_::LaserScan_"
 
 
 def joined(sender, receiver, topic, msgtype):
@@ -74,7 +74,7 @@ def joined(sender, receiver, topic, msgtype):
     return outlet, got
 
 
-@pytest.mark.parametrize("msgtype", TYPES)
+@pytest.mark.parametrize("msgtype", NODE_TYPES)
 def test_every_message_arrives_byte_by_byte(msgtype, transports):
     data = packed(msgtype)
     outlet, got = joined(transports(), transports(), "/topic", msgtype)
@@ -87,11 +87,11 @@ def test_every_message_arrives_byte_by_byte(msgtype, transports):
 
 def test_the_types_are_laid_out_as_the_library_writes_them():
     """DDS knows the fields, too: a peer that unpacks them by its own rules gets the same."""
-    message, data = examples()[SCAN], packed(SCAN)
-    scan = transport.packed(SCAN).__idl__
-    names = [name for name, _ in store().fielddefs[SCAN][1]]
+    message, data = examples()[SCAN_TYPE], packed(SCAN_TYPE)
+    scan = transport.message_type(SCAN_TYPE).__idl__
+    names = [name for name, _ in typestore().fielddefs[SCAN_TYPE][1]]
     assert list(scan.datatype.__annotations__) == names
-    found = unpacked(SCAN, data)
+    found = unpacked(SCAN_TYPE, data)
     assert found["header"]["frame_id"] == "laser"
     assert found["header"]["stamp"] == {"sec": 0, "nanosec": 5}
     assert found["ranges"] == message.ranges.tolist()
@@ -113,50 +113,50 @@ def unpacked(msgtype, data):
             {k: plain(v) for k, v in vars(value).items()} if isinstance(value, IdlStruct) else value
         )
 
-    dressed(transport.packed(msgtype))
-    return plain(transport.packed(msgtype).__idl__.deserialize(data))
+    dressed(transport.message_type(msgtype))
+    return plain(transport.message_type(msgtype).__idl__.deserialize(data))
 
 
 def test_a_map_stays_for_who_comes_later_and_a_scan_does_not(transports):
     sender, latched, passed = transports(), [], []
-    maps = sender.advertise("/map", MAP, Quality.LATCHED)
-    maps.publish(packed(MAP))
-    scans = sender.advertise("/scan", SCAN, Quality.SENSOR)
-    scans.publish(packed(SCAN))
+    maps = sender.advertise("/map", MAP_TYPE, Quality.LATCHED)
+    maps.publish(packed(MAP_TYPE))
+    scans = sender.advertise("/scan", SCAN_TYPE, Quality.SENSOR)
+    scans.publish(packed(SCAN_TYPE))
     late = transports()
-    late.subscribe("/map", MAP, Quality.LATCHED, latched.append)
-    late.subscribe("/scan", SCAN, Quality.SENSOR, passed.append)
+    late.subscribe("/map", MAP_TYPE, Quality.LATCHED, latched.append)
+    late.subscribe("/scan", SCAN_TYPE, Quality.SENSOR, passed.append)
     late.listen()
     until(lambda: latched)
     until(lambda: scans.subscribers)
     assert passed == []
-    until(lambda: late.published(MAP) == ["/map"])
-    assert late.published(SCAN) == ["/scan"]
+    until(lambda: late.published(MAP_TYPE) == ["/map"])
+    assert late.published(SCAN_TYPE) == ["/scan"]
 
 
 def test_messages_of_ones_own_do_not_come_back(transports):
     first, mine = transports(), []
-    first.subscribe("/tf", TF, Quality.RELIABLE, mine.append)
+    first.subscribe("/tf", TF_TYPE, Quality.RELIABLE, mine.append)
     first.listen()
-    outlet, its = joined(first, transports(), "/tf", TF)
-    outlet.publish(packed(TF))
+    outlet, its = joined(first, transports(), "/tf", TF_TYPE)
+    outlet.publish(packed(TF_TYPE))
     until(lambda: its)
     assert mine == []
 
 
 def test_a_writer_that_leaves_is_no_message(transports):
     first, second, receiver, got = transports(), transports(), transports(), []
-    data = packed(TF)
-    receiver.subscribe("/left", TF, Quality.RELIABLE, got.append)
+    data = packed(TF_TYPE)
+    receiver.subscribe("/left", TF_TYPE, Quality.RELIABLE, got.append)
     receiver.listen()
     for sender in (first, second):
-        outlet = sender.advertise("/left", TF, Quality.RELIABLE)
+        outlet = sender.advertise("/left", TF_TYPE, Quality.RELIABLE)
         until(lambda outlet=outlet: outlet.subscribers)
         outlet.publish(data)
         until(lambda sender=sender: len(got) == 1 + (sender is second))
         del outlet
         sender.close()
-        until(lambda: "/left" not in receiver.published(TF))
+        until(lambda: "/left" not in receiver.published(TF_TYPE))
     assert len(got) == 2
 
 
@@ -170,8 +170,8 @@ def turtlebot(n=25):
 def test_a_run_of_the_recording_gives_the_poses_of_the_robot(transports, tmp_path):
     turtlebot().save(tmp_path / "tb.npz")
     watcher, maps, moves = transports(), [], []
-    watcher.subscribe("/map", MAP, Quality.LATCHED, maps.append)
-    watcher.subscribe("/tf", TF, Quality.RELIABLE, moves.append)
+    watcher.subscribe("/map", MAP_TYPE, Quality.LATCHED, maps.append)
+    watcher.subscribe("/tf", TF_TYPE, Quality.RELIABLE, moves.append)
     watcher.listen()
     out = tmp_path / "out"
     more = ("--out", out, "--record", tmp_path / "seen.mcap", "--wait", 5.0)
@@ -180,14 +180,14 @@ def test_a_run_of_the_recording_gives_the_poses_of_the_robot(transports, tmp_pat
     play = started(
         "slams.play", "tb.npz", "--rate", 4, "--wait-for-subscriber", PATIENCE, folder=tmp_path
     )
-    said, error = play.communicate(timeout=2 * PATIENCE)
-    assert (play.returncode, said) == (0, "25 scans of tb published\n"), error
+    output, error = play.communicate(timeout=2 * PATIENCE)
+    assert (play.returncode, output) == (0, "25 scans of tb published\n"), error
     until(lambda: sum(to_odom(record) for record in moves) >= 20)
     until(lambda: maps)
     live.send_signal(signal.SIGINT)
-    said, error = live.communicate(timeout=PATIENCE)
+    output, error = live.communicate(timeout=PATIENCE)
     assert live.returncode == 0, error
-    assert said.startswith("25 scans, 0 left out; from scan to pose: p50 ")
+    assert output.startswith("25 scans, 0 left out; from scan to pose: p50 ")
     summary = json.loads((out / "summary.json").read_text())
     assert (summary["node"]["scans"], summary["node"]["odometry"]) == (25, "tf")
     log = slams.load(tmp_path / "seen.mcap")
@@ -202,7 +202,7 @@ def test_a_run_of_the_recording_gives_the_poses_of_the_robot(transports, tmp_pat
 
 
 def to_odom(record):
-    edge = store().deserialize_cdr(record.data, TF).transforms[0]
+    edge = typestore().deserialize_cdr(record.data, TF_TYPE).transforms[0]
     return (edge.header.frame_id, edge.child_frame_id) == ("map", "odom")
 
 

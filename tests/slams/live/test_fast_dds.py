@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slams.live.options import MAP
-from slams.ros.messages import POSE_COV, TF, store
+from slams.ros.messages import MAP_TYPE, POSE_COV_TYPE, TF_TYPE, typestore
 from tests.slams.live.commands import DOMAIN, PATIENCE, started
 from tests.slams.live.robots import scan_record
 
@@ -17,7 +16,7 @@ pytest.importorskip("cyclonedds", reason="needs the extra live")
 
 SOURCE = Path(__file__).with_name("fast_dds_peer.cpp")
 HEADER = Path("/usr/include/fastdds/dds/domain/DomainParticipant.hpp")
-TOPICS = {"rt/map": MAP, "rt/tf": TF, "rt/pose": POSE_COV}
+TOPICS = {"rt/map": MAP_TYPE, "rt/tf": TF_TYPE, "rt/pose": POSE_COV_TYPE}
 
 
 @pytest.fixture
@@ -54,7 +53,7 @@ def test_a_robot_with_fast_dds_is_mapped_and_gets_map_pose_and_transform(peer, t
     got = {}
     for line in robot.stdout.splitlines():
         topic, data = line.split()
-        got[topic] = store().deserialize_cdr(bytes.fromhex(data), TOPICS[topic])
+        got[topic] = typestore().deserialize_cdr(bytes.fromhex(data), TOPICS[topic])
     edge, grid = got["rt/tf"].transforms[0], got["rt/map"]
     assert (edge.header.frame_id, edge.child_frame_id) == ("map", "laser")
     assert edge.transform.rotation.w == pytest.approx(1.0, abs=1e-3)

@@ -7,12 +7,12 @@ import pytest
 
 from slams.live import scans
 from slams.live.__main__ import parser
-from slams.live.buffer import FEW, Mounted
-from slams.live.diagnostics import COUNTERS
-from slams.live.options import NodeOptions, Quality, node_options, renamed
-from slams.live.scans import Scans
+from slams.live.buffer import MIN_KEPT_TRANSFORMS, LaserMount
+from slams.live.diagnostics import COUNT_MESSAGES
+from slams.live.options import NodeOptions, Quality, node_options, topic_names
+from slams.live.scans import ScanQueue
 from slams.ros.maker import Maker
-from slams.ros.messages import IMU, SCAN, TF
+from slams.ros.messages import IMU_TYPE, SCAN_TYPE, TF_TYPE
 from slams.types import Attitude, Pose2
 from tests.rooms import ROOM, cast, laser, way
 from tests.slams.live.robots import Stand, mounted, scan_record
@@ -32,7 +32,7 @@ def drive(stand, n=30):
             lidar = laser(181, mount=PLACES[name])
             ranges = cast(ROOM, poses[j], lidar).astype(np.float32)
             message = stand.make.scan(round(1e9 * (10.0 + 0.05 * j)), name, lidar, ranges, 0.1)
-            stand.bus.publish(f"/{name}", SCAN, message)
+            stand.bus.publish(f"/{name}", SCAN_TYPE, message)
 
 
 def test_poses_are_those_of_a_run_of_the_recording_in_the_order_of_stamps(monkeypatch, tmp_path):
@@ -55,7 +55,7 @@ def test_a_laser_that_tf_does_not_place_is_left_out_until_it_does(monkeypatch):
     stand.start_and_drive()
     stand.look()
     assert (stand.node.drive.t, stand.node.report()["unplaced"]) == ([0.0], 1)
-    assert f"1 {COUNTERS['unplaced']}" in stand.said
+    assert f"1 {COUNT_MESSAGES['unplaced']}" in stand.notes
     stand.tf(("base_link", "rear", PLACES["rear"]))
     stand.scan(0.2, "rear", topic="/rear")
     stand.drive()
@@ -67,8 +67,8 @@ class Clock:
     """An order of scans on a clock of its own."""
 
     def __init__(self, monkeypatch, wait=0.4, size=20):
-        self.now, here = 50.0, Mounted(Pose2(0.0, 0.0, 0.0), False)
-        self.scans = Scans(TWO, lambda frame: here, size, wait)
+        self.now, here = 50.0, LaserMount(Pose2(0.0, 0.0, 0.0), False)
+        self.scans = ScanQueue(TWO, lambda frame: here, size, wait)
         monkeypatch.setattr(scans.time, "monotonic", lambda: self.now)
 
     def put(self, t, topic):
@@ -104,7 +104,7 @@ def test_no_scan_waits_longer_than_asked_nor_for_a_silent_laser(monkeypatch):
     assert clock.taken() == []
     clock.now += 0.02
     assert clock.taken() == [(0.6, "/front")]
-    clock.now += scans.MAX_SILENCE
+    clock.now += scans.SCAN_TIMEOUT
     clock.put(2.6, "/front")
     assert clock.taken() == [(2.6, "/front")]
 
@@ -125,7 +125,7 @@ def test_topics_on_the_command_line():
     assert options.scans == ("/front", "/rear")
     for imu in (["--imu", "gyro"], ["--remap", "/imu:=/gyro"]):
         options = node_options(parser().parse_args(["hector", "--remap", "/map:=/m", *imu]))
-        assert options.names == renamed(["/map:=/m", "/imu:=/gyro"])
+        assert options.names == topic_names(["/map:=/m", "/imu:=/gyro"])
     with pytest.raises(
         ValueError, match="--scan-topic: got /a, /a, expected up to 8 different topics"
     ):
@@ -138,7 +138,7 @@ TURNED = Pose2(0.1, 0.0, 0.5 * math.pi)  # the IMU looks left, as that of `messa
 
 def imu(row):
     """A sensor_msgs/Imu of a reading; it has no orientation where that is nan."""
-    message = Maker().imu(round(1e9 * row.sent), 0.0, "imu")
+    message = Maker().imu(round(1e9 * row.stamp), 0.0, "imu")
     q, w, a = message.orientation, message.angular_velocity, message.linear_acceleration
     if not math.isnan(row.orientation[0]):
         message.orientation_covariance[0] = 0.0
@@ -162,7 +162,7 @@ def mount(stand):
     edges = [("base_link", "laser", Pose2(0.2, 0.0, 0.0)), ("base_link", "imu", TURNED)]
     message = stand.make.transforms(0, edges)
     message.transforms[0].transform.translation.z = HEIGHT
-    stand.bus.publish("/tf_static", TF, message, Quality.LATCHED)
+    stand.bus.publish("/tf_static", TF_TYPE, message, Quality.LATCHED)
 
 
 @pytest.mark.parametrize("source", ["orientation", "gyro and accelerometer", "tf"])
@@ -173,10 +173,10 @@ def test_poses_are_those_of_a_run_of_the_recording(source, monkeypatch, tmp_path
         for k in range(0, 500, 2):
             message = tilted(0.01 * k)
             message.transforms += tilted(0.01 * (k + 1)).transforms
-            stand.bus.publish("/tf", TF, message)
+            stand.bus.publish("/tf", TF_TYPE, message)
     else:
         for row in messages(source == "orientation")[:500]:
-            stand.bus.publish("/imu", IMU, imu(row))
+            stand.bus.publish("/imu", IMU_TYPE, imu(row))
     for k, pose in enumerate(way(N, 0.1)):
         stand.scan(0.105 + 0.1 * k, pose=pose)
     scans = stand.scans_seen()
@@ -195,7 +195,7 @@ def test_a_constant_orientation_is_no_attitude(monkeypatch):
     mount(stand)
     for row in messages(True)[:200]:
         same = row._replace(orientation=(0.0, 0.0, 0.0, 1.0), acceleration=(0.0, 0.0, 0.0))
-        stand.bus.publish("/imu", IMU, imu(same))
+        stand.bus.publish("/imu", IMU_TYPE, imu(same))
     stand.start(1.0)
     _, yaw, attitude = stand.node.buffer.at(1.0)
     assert attitude is None and yaw is not None
@@ -203,10 +203,10 @@ def test_a_constant_orientation_is_no_attitude(monkeypatch):
 
 def test_a_robot_that_stands_still_keeps_its_attitude(stand):
     for t in (0.0, 0.1):
-        stand.bus.publish("/tf", TF, message := tilted(t))
-    for k in range(2 * FEW):
+        stand.bus.publish("/tf", TF_TYPE, message := tilted(t))
+    for k in range(2 * MIN_KEPT_TRANSFORMS):
         message.transforms[0].header.stamp.nanosec = 150_000_000 + 10_000_000 * k
-        stand.bus.publish("/tf", TF, message)
+        stand.bus.publish("/tf", TF_TYPE, message)
     stand.start(0.05)
     _, _, attitude = stand.node.buffer.at(0.5)
     assert attitude == pytest.approx(true(0.1))
@@ -214,7 +214,7 @@ def test_a_robot_that_stands_still_keeps_its_attitude(stand):
 
 def test_nothing_is_known_in_a_gap(stand):
     for t in (0.0, 0.1, 0.2, 1.2, 1.3):
-        stand.bus.publish("/tf", TF, tilted(t))
+        stand.bus.publish("/tf", TF_TYPE, tilted(t))
     stand.start(0.05)
     at = [stand.node.buffer.at(t)[2] for t in (0.1, 1.25, 0.7, 1.4)]
     assert at[0] == pytest.approx(true(0.1)) and isinstance(at[1], Attitude)
@@ -223,7 +223,7 @@ def test_nothing_is_known_in_a_gap(stand):
 
 def test_odometry_of_the_level_frame_is_that_of_the_tilting_base(stand):
     for k in range(12):
-        stand.bus.publish("/tf", TF, tilted(0.1 * k, parent="base_footprint"))
+        stand.bus.publish("/tf", TF_TYPE, tilted(0.1 * k, parent="base_footprint"))
         stand.moved(0.1 * k, (0.1 * k, 0.0, 0.0), child="base_footprint")
     stand.start_and_drive(1.05)
     assert stand.node.report()["odometry"] == "tf"

@@ -7,7 +7,7 @@ import pytest
 
 from slams import metrics
 from slams.live.__main__ import write_results
-from slams.ros.messages import MAP, seconds
+from slams.ros.messages import MAP_TYPE, seconds
 from slams.types import Pose2
 from tests.rooms import drive, driven
 from tests.slams.live.commands import PATIENCE
@@ -20,7 +20,7 @@ def test_a_map_is_published_at_its_pace_and_at_the_end_if_there_was_a_scan_since
         return [message.header.stamp.sec for message in stand.bus.sent("/map")]
 
     stand, seen = mounted(monkeypatch, map_every=0.01), threading.Semaphore(0)
-    stand.bus.callbacks["/map"] = [(MAP, lambda record: seen.release())]
+    stand.bus.callbacks["/map"] = [(MAP_TYPE, lambda record: seen.release())]
     for t in (5.0, 6.0):
         stand.start_and_drive(t)
         assert seen.acquire(timeout=PATIENCE)
@@ -33,9 +33,9 @@ def test_a_map_is_published_at_its_pace_and_at_the_end_if_there_was_a_scan_since
     assert stamps(stand) == [7]
 
 
-@pytest.mark.parametrize(("every", "said"), [(3600.0, 1), (0.0, 0)])
+@pytest.mark.parametrize(("every", "n_notes"), [(3600.0, 1), (0.0, 0)])
 def test_a_map_that_cannot_be_published_is_reported_and_none_is_drawn_unasked(
-    every, said, monkeypatch
+    every, n_notes, monkeypatch
 ):
     def refuse(stamp, grid):
         raise OSError("no network")
@@ -45,7 +45,7 @@ def test_a_map_that_cannot_be_published_is_reported_and_none_is_drawn_unasked(
     stand.start_and_drive(1.0)
     stand.node.close()
     stand.look()
-    assert stand.said.count("the map is not published: no network") == said
+    assert stand.notes.count("the map is not published: no network") == n_notes
 
 
 @pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])

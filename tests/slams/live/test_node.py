@@ -1,4 +1,4 @@
-"""The node on a network in memory: what comes in, what goes out, what is said."""
+"""The node on a network in memory: input, output and notes."""
 
 import math
 
@@ -8,8 +8,8 @@ import pytest
 from slams.live import node
 from slams.live.options import NodeOptions, Quality
 from slams.live.recorder import Recorder
-from slams.ros.maker import UNKNOWN, percent
-from slams.ros.messages import SCAN, TF, seconds
+from slams.ros.maker import UNKNOWN_VARIANCE, percent
+from slams.ros.messages import SCAN_TYPE, TF_TYPE, seconds
 from slams.types import Pose2
 from tests.slams.live.robots import (
     LASER,
@@ -47,15 +47,15 @@ def test_the_transform_joins_map_and_odometry_and_the_pose_is_the_algorithms(mon
     assert len(posed) == 12
     assert len(moved) == 11  # none without odometry
     drive = stand.node.drive
-    for tf, t, pose, said in zip(moved, drive.t[1:], drive.poses[1:], posed[1:], strict=True):
+    for tf, t, pose, message in zip(moved, drive.t[1:], drive.poses[1:], posed[1:], strict=True):
         edge = tf.transforms[0]
         assert (edge.header.frame_id, edge.child_frame_id) == ("map", "odom")
         assert seconds(edge.header.stamp) == pytest.approx(t + 0.1, abs=1e-6)
-        shift, at = edge.transform, said.pose.pose
+        shift, at = edge.transform, message.pose.pose
         odom = planar(shift.translation, shift.rotation)
         assert close(odom @ stand.node.buffer.at(t)[0], pose)
         assert close(planar(at.position, at.orientation), pose)
-        assert said.header.frame_id == "map"
+        assert message.header.frame_id == "map"
     covariance = posed[-1].pose.covariance.reshape(6, 6)
     assert np.array_equal(covariance[np.ix_([0, 1, 5], [0, 1, 5])], stand.live.last.covariance)
     assert not covariance[2:5].any()
@@ -72,7 +72,7 @@ def test_without_odometry_the_base_itself_is_placed_in_the_map(monkeypatch):
     edge = stand.bus.sent("/tf")[0].transforms[0]
     assert (edge.header.frame_id, edge.child_frame_id) == ("map", "base_link")
     variances = np.diag(stand.bus.sent("/pose")[0].pose.covariance.reshape(6, 6))
-    assert variances[[0, 1, 5]].tolist() == [UNKNOWN] * 3
+    assert variances[[0, 1, 5]].tolist() == [UNKNOWN_VARIANCE] * 3
     assert stand.node.report()["no_odometry"] == 0
 
 
@@ -94,7 +94,7 @@ def test_the_map_stays_for_who_comes_later_and_without_loops_no_path_is_publishe
 def test_a_laser_upside_down_turns_the_other_way(monkeypatch):
     stand = Stand(monkeypatch)
     mount = turned_over(stand.make.transforms(0, [("base_link", "laser", MOUNT)]))
-    stand.bus.publish("/tf_static", TF, mount, Quality.LATCHED)
+    stand.bus.publish("/tf_static", TF_TYPE, mount, Quality.LATCHED)
     seen = stand.scans_seen()
     stand.start_and_drive(1.0, 2.0)
     lidar = seen[0].laser
@@ -151,20 +151,20 @@ def test_a_scan_goes_without_odometry_that_does_not_come(stand):
     stand.look()
     assert stand.node.report()["no_odometry"] == 1
     assert len(stand.node.drive.t) == 1
-    assert any("1 scans so far without odometry in time" in said for said in stand.said)
+    assert any("1 scans so far had no odometry in time" in note for note in stand.notes)
 
 
 def waits(stand, monkeypatch, looks=5):
     """The sentences of a node that waits until it is ended."""
-    monkeypatch.setattr(node, "PERIOD", 0.0)
+    monkeypatch.setattr(node, "REPORT_PERIOD", 0.0)
     stand.start(ending=Ending(looks))
     assert stand.node.drive.t == []
-    return [said for said in stand.said if said.startswith("waiting")]
+    return [note for note in stand.notes if note.startswith("waiting")]
 
 
 def test_scans_are_waited_for_with_the_topics_there_are(monkeypatch):
     stand = Stand(monkeypatch)
-    kind = f"topics with a publisher of {SCAN}"
+    kind = f"topics with a publisher of {SCAN_TYPE}"
     assert f"waiting for scans on /scan; {kind}: none" in waits(stand, monkeypatch)[0]
     stand.bus.types["/scan"] = "sensor_msgs/msg/PointCloud2"
     stand.scan(0.0, topic="/front/scan")
@@ -172,19 +172,19 @@ def test_scans_are_waited_for_with_the_topics_there_are(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("base", "said", "frames"),
+    ("base", "named", "frames"),
     [
         ("robot", "robot", "base_link, camera"),
         (None, "a base", "base_link, camera"),
         ("robot", "robot", "none"),  # a base that was named
     ],
 )
-def test_a_frame_that_is_not_in_tf_is_waited_for(base, said, frames, monkeypatch):
+def test_a_frame_that_is_not_in_tf_is_waited_for(base, named, frames, monkeypatch):
     stand = Stand(monkeypatch, base_frame=base)
     if frames != "none":
         stand.tf(("base_link", "camera", MOUNT))
     stand.scan(0.0)
-    sentence = f"no fixed way from {said} to the laser's frame laser; frames: {frames}"
+    sentence = f"no fixed transform from {named} to the laser's frame laser; frames: {frames}"
     assert sentence in waits(stand, monkeypatch)[-1]
     stand.start(ending=Ending(100, lambda: stand.tf((base or "base_link", "laser", MOUNT))))
     stand.drive()
@@ -194,26 +194,26 @@ def test_a_frame_that_is_not_in_tf_is_waited_for(base, said, frames, monkeypatch
 def test_without_tf_the_laser_is_the_base(monkeypatch):
     stand = Stand(monkeypatch)
     stand.start_and_drive(0.0)
-    assert any("no transform to the laser's frame laser" in said for said in stand.said)
+    assert any("no transform to the laser's frame laser" in note for note in stand.notes)
     assert stand.bus.sent("/tf")[0].transforms[0].child_frame_id == "laser"
 
 
 def test_what_is_assumed_of_the_laser_is_told_once(stand):
     limitless = stand.make.scan(0, "laser", LASER, np.full(91, 2.0, np.float32), 0.1)
     limitless.range_max = 0.0
-    stand.bus.publish("/scan", SCAN, limitless)
+    stand.bus.publish("/scan", SCAN_TYPE, limitless)
     stand.gyro(0.0, 0.5, frame="somewhere")
     stand.start_and_drive()
     for _ in range(2):
         stand.look()
-    assert [said for said in stand.said if "range_max is 0" in said] == [
-        "range_max is 0; 2.00 m are taken instead"
+    assert [note for note in stand.notes if "range_max is 0" in note] == [
+        "range_max is 0; 2.00 m is used instead"
     ]
-    assert sum("no transform to the gyro's frame 'somewhere'" in said for said in stand.said) == 1
+    assert sum("no transform to the gyro's frame 'somewhere'" in note for note in stand.notes) == 1
 
 
 def test_what_waits_while_frames_are_sought_is_not_left_out(stand, monkeypatch):
-    monkeypatch.setattr(node, "MAX_WAITING", 2)
+    monkeypatch.setattr(node, "MAX_QUEUED_SCANS", 2)
     stand.start_and_drive(*(0.1 * k for k in range(10)))
     assert len(stand.node.drive.t) == 10
     for k in range(10, 20):
@@ -222,14 +222,14 @@ def test_what_waits_while_frames_are_sought_is_not_left_out(stand, monkeypatch):
     assert len(stand.node.drive.t) == 12
     assert stand.node.drive.t[-1] == pytest.approx(1.9)
     stand.look()
-    assert any(said.startswith("8 scans left out so far") for said in stand.said)
+    assert any(note.startswith("8 scans left out so far") for note in stand.notes)
 
 
 def test_odd_messages_are_left_out_and_said_once(stand):
     stand.start(0.0)
-    broken = stand.bus.transport().advertise("/scan", SCAN, Quality.SENSOR)
+    broken = stand.bus.transport().advertise("/scan", SCAN_TYPE, Quality.SENSOR)
     for topic in ("/scan", "/tf", "/odom", "/imu"):
-        kind = stand.bus.types.get(topic, TF)
+        kind = stand.bus.types.get(topic, TF_TYPE)
         broken = stand.bus.transport().advertise(topic, kind, Quality.SENSOR)
         broken.publish(b"\0\1\0\0oh")
     stand.scan(0.1, frame="other")
@@ -238,18 +238,18 @@ def test_odd_messages_are_left_out_and_said_once(stand):
     stand.look()
     report = stand.node.report()
     assert (report["unreadable"], report["other_frame"], report["scans"]) == (1, 1, 2)
-    assert [said for said in stand.said if "such scans are left out" in said] == [
+    assert [note for note in stand.notes if "such scans are left out" in note] == [
         "a message of /scan is no sensor_msgs/msg/LaserScan; such scans are left out"
     ]
-    assert any("two lasers on one topic" in said for said in stand.said)
+    assert any("two lasers on one topic" in note for note in stand.notes)
 
 
 def test_a_laser_that_begins_with_empty_scans_is_waited_for(stand):
     empty = stand.make.scan(0, "", LASER, np.zeros(0, np.float32), 0.1)
-    stand.bus.publish("/scan", SCAN, empty)
+    stand.bus.publish("/scan", SCAN_TYPE, empty)
     stand.start_and_drive(0.1)
     assert (len(stand.node.drive.t), stand.node.report()["unreadable"]) == (1, 1)
-    assert "a scan of /scan has no beams or no directions; such scans are left out" in stand.said
+    assert "a scan of /scan has no beams or no directions; such scans are left out" in stand.notes
 
 
 def test_a_network_that_takes_nothing_does_not_stop_the_robot(stand):
@@ -263,7 +263,7 @@ def test_a_network_that_takes_nothing_does_not_stop_the_robot(stand):
     stand.look()
     assert len(stand.node.drive.t) == 1
     assert len(stand.bus.sent("/slam/state")) == 1
-    assert "1 messages were not taken by the network in time" in stand.said
+    assert "1 messages were not accepted by the network in time" in stand.notes
 
 
 def test_a_recording_that_cannot_be_written_is_said(monkeypatch, tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slams.live import diagnostics, node
-from slams.live.estimate import LATE_IN_A_ROW
+from slams.live.estimate import MAX_CONSECUTIVE_LATE
 from tests.slams.live.robots import Ending
 
 
@@ -23,7 +23,7 @@ def driven(stand, stamps):
 
 @pytest.mark.parametrize(("settling", "source"), [(60.0, None), (0.0, "tf")])
 def test_odometry_and_tf_have_some_time_to_begin(settling, source, stand, monkeypatch):
-    monkeypatch.setattr(node, "SETTLING_TIME", settling)
+    monkeypatch.setattr(node, "TF_SETTLING_TIME", settling)
     stand.moved(0.0, (0.0, 0.0, 0.0))
     stand.start(0.0, ending=Ending(5))
     assert stand.node.buffer.source == source
@@ -33,8 +33,8 @@ def test_a_clock_that_is_set_back_is_followed_with_its_odometry(stand):
     stamps = [100.0 + 0.1 * k for k in range(5)] + [3.0 + 0.1 * k for k in range(20)]
     node = driven(stand, stamps)
     report = node.report()
-    assert (report["clock_set_back"], report["late"]) == (1, LATE_IN_A_ROW + 1)
-    assert node.drive.t[5:] == pytest.approx(stamps[5 + LATE_IN_A_ROW :])
+    assert (report["clock_set_back"], report["late"]) == (1, MAX_CONSECUTIVE_LATE + 1)
+    assert node.drive.t[5:] == pytest.approx(stamps[5 + MAX_CONSECUTIVE_LATE :])
     assert node.live.last.map_to_odom is not None
     x = np.array(node.drive.poses)[:, 0]
     assert np.diff(x[5:])[1:] == pytest.approx(0.01)
@@ -45,11 +45,11 @@ def test_a_laser_that_is_plugged_in_again_is_mapped_on(stand, monkeypatch):
     real = time.monotonic
     monkeypatch.setattr(diagnostics.time, "monotonic", lambda: real() + 30.0)
     stand.look()
-    assert any("is the laser unplugged?" in said for said in stand.said)
+    assert any("is the laser unplugged?" in note for note in stand.notes)
     stand.scan(30.0)
     stand.drive()
     stand.look()
-    assert sum("/scan" in said for said in stand.said) == 2  # ready for it, and unplugged
+    assert sum("/scan" in note for note in stand.notes) == 2  # ready for it, and unplugged
     assert len(stand.node.drive.t) == 2
 
 

@@ -8,8 +8,8 @@ import pytest
 
 import slams
 from slams.live import series
-from slams.live.estimate import LATE_IN_A_ROW
-from slams.live.options import renamed
+from slams.live.estimate import MAX_CONSECUTIVE_LATE
+from slams.live.options import topic_names
 from slams.live.robot import Robot
 from slams.live.series import IntegralSeries, PoseSeries, Series
 from slams.ros.messages import seconds
@@ -46,10 +46,10 @@ def test_poses_and_headings_are_bit_for_bit_those_of_the_recorded_track():
 
 def test_a_long_drive_keeps_only_the_last_samples():
     line = PoseSeries()
-    for k in range(3 * series.MAX_SAMPLES):
+    for k in range(3 * series.MIN_KEPT_SAMPLES):
         line.push(0.01 * k, 0.01 * k, 0.0, 0.0)
-    assert series.MAX_SAMPLES <= len(line.t) <= 2 * series.MAX_SAMPLES
-    assert line.pose_at(line.t[-1]).x == pytest.approx(0.01 * (3 * series.MAX_SAMPLES - 1))
+    assert series.MIN_KEPT_SAMPLES <= len(line.t) <= 2 * series.MIN_KEPT_SAMPLES
+    assert line.pose_at(line.t[-1]).x == pytest.approx(0.01 * (3 * series.MIN_KEPT_SAMPLES - 1))
 
 
 def test_late_samples_are_left_out_until_the_clock_was_set_back():
@@ -57,9 +57,9 @@ def test_late_samples_are_left_out_until_the_clock_was_set_back():
     for t in (10.0, 10.1, 10.05, 10.1, 10.2):
         line.push(t, 1.0)
     assert line.t == [10.0, 10.1, 10.2]
-    for k in range(LATE_IN_A_ROW + 3):
+    for k in range(MAX_CONSECUTIVE_LATE + 3):
         line.push(1.0 + 0.1 * k, 1.0)
-    assert line.t[0] == pytest.approx(1.0 + 0.1 * LATE_IN_A_ROW)
+    assert line.t[0] == pytest.approx(1.0 + 0.1 * MAX_CONSECUTIVE_LATE)
     assert line.at(line.t[-1])[0] == pytest.approx(0.2)
 
 
@@ -77,9 +77,9 @@ def test_nobody_waits_for_what_has_fallen_silent(monkeypatch):
     monkeypatch.setattr(series.time, "monotonic", lambda: now[0])
     line, never = IntegralSeries(), IntegralSeries()
     line.push(1.0, 0.0)
-    assert not line.holds_up(1.0) and line.holds_up(1.5) and not never.holds_up(1.5)
-    now[0] += series.MAX_SILENCE + 0.1
-    assert not line.holds_up(1.5)
+    assert not line.is_behind(1.0) and line.is_behind(1.5) and not never.is_behind(1.5)
+    now[0] += series.SAMPLE_TIMEOUT + 0.1
+    assert not line.is_behind(1.5)
 
 
 @pytest.fixture
@@ -89,8 +89,8 @@ def sweeping():
 
 def test_a_scan_is_sent_when_its_last_beam_is_measured_and_odometry_when_it_is(sweeping):
     bus, order = Bus(), []
-    robot = Robot(sweeping, bus.transport(), renamed())
-    for moment in robot.moments:
+    robot = Robot(sweeping, bus.transport(), topic_names())
+    for moment in robot.schedule:
         before = {topic: len(sent) for topic, sent in bus.raw.items()}
         robot.send(moment)
         new = [topic for topic, sent in bus.raw.items() if len(sent) > before.get(topic, 0)]
@@ -99,22 +99,22 @@ def test_a_scan_is_sent_when_its_last_beam_is_measured_and_odometry_when_it_is(s
     first = [(0.0, "/odom", "/tf"), (0.0, "/imu"), (0.05, "/scan"), (0.1, "/odom", "/tf")]
     assert order[:4] == first
     assert len(order) == 12
-    scan, said, moved = (bus.sent(topic)[2] for topic in ("/scan", "/odom", "/tf"))
-    first, other = (seconds(message.header.stamp) for message in (scan, said))
+    scan, odometry, moved = (bus.sent(topic)[2] for topic in ("/scan", "/odom", "/tf"))
+    first, other = (seconds(message.header.stamp) for message in (scan, odometry))
     assert first == other == pytest.approx(0.2)  # stamped with the first beam
     assert scan.time_increment == pytest.approx(0.005)
-    at, edge = said.pose.pose, moved.transforms[0]
+    at, edge = odometry.pose.pose, moved.transforms[0]
     assert planar(at.position, at.orientation) == pytest.approx(sweeping.odom.values[2])
     assert edge.transform.translation.x == at.position.x
-    assert (edge.header.frame_id, edge.child_frame_id) == ("odom", said.child_frame_id)
+    assert (edge.header.frame_id, edge.child_frame_id) == ("odom", odometry.child_frame_id)
     assert bus.sent("/imu")[2].angular_velocity.z == pytest.approx(sweeping.yaw_rate.values[2])
 
 
 def test_stamps_that_ros_cannot_hold_begin_at_zero(sweeping):
     bus = Bus()
     early = slams.ScanLog(sweeping.t - 50.0, sweeping.ranges, sweeping.laser)
-    robot = Robot(early, bus.transport(), renamed(["/scan:=/front/scan"]))
-    for moment in robot.moments:
+    robot = Robot(early, bus.transport(), topic_names(["/scan:=/front/scan"]))
+    for moment in robot.schedule:
         robot.send(moment)
     stamps = [seconds(scan.header.stamp) for scan in bus.sent("/front/scan")]
     assert stamps == pytest.approx([0, 0.1, 0.2, 0.3])
@@ -123,10 +123,10 @@ def test_stamps_that_ros_cannot_hold_begin_at_zero(sweeping):
 
 def test_somebody_is_waited_for(sweeping):
     wire = Bus().transport()
-    robot = Robot(sweeping, wire, renamed())
+    robot = Robot(sweeping, wire, topic_names())
     ending = threading.Event()
     robot._publishers["/scan"].subscribers = 0
-    assert robot.await_reader(0.1, ending) is False
+    assert robot.await_subscriber(0.1, ending) is False
     robot._publishers["/scan"].subscribers = 1
     ending.set()
-    assert robot.await_reader(0.1, ending) is True
+    assert robot.await_subscriber(0.1, ending) is True

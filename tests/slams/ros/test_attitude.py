@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from slams.formats.messages import tracks_of
+from slams.formats.messages import imu_series
 from slams.ros.attitude import GRAVITY, vertical_rate
 from slams.ros.maker import Maker
-from slams.ros.messages import Inertial, inertial
+from slams.ros.messages import ImuReading, imu_reading
 from slams.types import Attitude
 
 NONE = (math.nan,) * 4
@@ -34,31 +34,31 @@ def messages(orientation):
         spin = R.T @ (later - R) / h
         rates = float(spin[2, 1]), float(spin[0, 2]), float(spin[1, 0])
         force = (0.0, 0.0, 0.0) if orientation else tuple((GRAVITY * R[2]).tolist())
-        rows.append(Inertial(t, quaternion(R) if orientation else NONE, rates, force))
+        rows.append(ImuReading(t, quaternion(R) if orientation else NONE, rates, force))
     return rows
 
 
 @pytest.mark.parametrize(("orientation", "error"), [(True, 1e-9), (False, 2e-3)])
 def test_roll_and_pitch_of_the_base(orientation, error):
-    _, track = tracks_of(T, messages(orientation), TURNED)
+    _, track = imu_series(T, messages(orientation), TURNED)
     np.testing.assert_allclose(track.values, [true(t) for t in T.tolist()], atol=error)
 
 
 def test_without_gyro_or_gravity_there_is_none():
     t = np.array([0.0, 1.0])
-    nothing = [Inertial(one, NONE, (0.0,) * 3, (0.0,) * 3) for one in t.tolist()]
-    rate, attitude = tracks_of(t, nothing, np.eye(3))
+    nothing = [ImuReading(one, NONE, (0.0,) * 3, (0.0,) * 3) for one in t.tolist()]
+    rate, attitude = imu_series(t, nothing, np.eye(3))
     assert attitude is None and rate.values.tolist() == [0.0, 0.0]
-    assert tracks_of(t[:0], [], np.eye(3)) == (None, None)
+    assert imu_series(t[:0], [], np.eye(3)) == (None, None)
 
 
 @pytest.mark.parametrize("w", [0.0, 1.0])
 def test_an_orientation_that_nobody_filled_in_is_none(w):
     message = Maker().imu(10**9, 0.5, "imu")
     message.orientation.w, message.orientation_covariance[0] = w, 0.0
-    assert np.isnan(inertial(message).orientation).all()
+    assert np.isnan(imu_reading(message).orientation).all()
     message.orientation.z = 1e-3
-    assert inertial(message).orientation == (0.0, 0.0, 1e-3, w)
+    assert imu_reading(message).orientation == (0.0, 0.0, 1e-3, w)
 
 
 def test_a_shaken_accelerometer_is_left_out_and_its_noise_averaged():
@@ -66,9 +66,9 @@ def test_a_shaken_accelerometer_is_left_out_and_its_noise_averaged():
     for k, row in enumerate(rows):
         x, y, z = row.acceleration
         noise = 0.8 * (-1) ** k if k else 0.0
-        noisy = (0.0, 15.0, 9.81) if row.sent > 5.0 else (x, y + noise, z)
+        noisy = (0.0, 15.0, 9.81) if row.stamp > 5.0 else (x, y + noise, z)
         shaken.append(row._replace(acceleration=noisy))
-    _, track = tracks_of(T, shaken, TURNED)
+    _, track = imu_series(T, shaken, TURNED)
     np.testing.assert_allclose(track.values, [true(t) for t in T.tolist()], atol=0.02)
 
 

@@ -135,7 +135,9 @@ def test_the_node_is_found_in_every_kind_of_file(tmp_path, tree):
 def test_substitutions_that_only_roslaunch_can_make_are_refused(unknown, tmp_path):
     inside = NODE.format(f'<param name="particles" value="{unknown}"/>')
     text = f'<launch><arg name="d" default="0.1"/>{inside}</launch>'
-    with pytest.raises(ValueError, match=r"particles = .* leaves it to roslaunch; write the"):
+    with pytest.raises(
+        ValueError, match=r"particles = .* only roslaunch can evaluate it; write the"
+    ):
         take("gmapping", wrote(tmp_path, text))
 
 
@@ -183,7 +185,7 @@ def test_overruled_and_unknown_names_are_told(tmp_path):
     taken = take("gmapping", path)
     assert taken.params.max_range == 16.0
     text = ros_params.report(taken, "gmapping")
-    assert "maxRange = 30.0: ignored: maxUrange says it" in text
+    assert "maxRange = 30.0: ignored: maxUrange has priority" in text
     assert (
         "particels = 3: ignored: not a known parameter of gmapping; did you mean particles?" in text
     )
