@@ -19,11 +19,11 @@ def test_a_floor_plan_is_dark_wherever_a_wall_is():
 
 
 def test_errors_are_those_of_the_map_and_of_the_truth(capsys, monkeypatch):
-    monkeypatch.setattr(localize, "PLACES", 3)
+    monkeypatch.setattr(localize, "SEARCHES_PER_ARENA", 3)
     small = ("--arenas", "1", "--duration", "3", "--size", "8")
     assert localize.main([*small, "--algorithms", "hector"]) == 0
     said = capsys.readouterr().out
-    assert said.startswith("found from nothing: 3 of 3 right, ")
+    assert said.startswith("global localization: 3 of 3 correct, ")
     own, plan = (line.split() for line in said.splitlines()[-2:])
     assert own[:3] == ["first", "drive:", "hector"] and plan[:3] == ["floor", "plan:", "hector"]
     (mean, worst, p95, first, arenas), of_plan = map(float, own[3:]), float(plan[3])
@@ -42,7 +42,12 @@ def test_a_drive_that_is_not_found_is_no_arena_of_the_table():
 @pytest.fixture
 def small(monkeypatch):
     """A ring that is driven around once and a bit in a minute."""
-    for name, value in {"SIZE": 16.0, "WAY": 80.0, "SPEED": 1.0, "AGAIN": 20.0}.items():
+    for name, value in {
+        "BUILDING_SIZE": 16.0,
+        "DRIVE_LENGTH": 80.0,
+        "ROBOT_SPEED": 1.0,
+        "LOOP_REVISIT_TIME": 20.0,
+    }.items():
         monkeypatch.setattr(loops, name, value)
 
 
