@@ -110,8 +110,8 @@ sweep --duration long | --duration: invalid float value: 'long'
 sweep none.npz | none.npz
 sweep blind.npz | has no ground truth; a sweep needs one
 sweep --scan-topic /scan | --scan-topic: got no log
-sweep none.npz --arenas ring | --arenas: is of simulated drives, and none.npz was
-sweep none.npz --duration 9 | --duration: is of simulated drives
+sweep none.npz --arenas ring | --arenas: only for simulated drives; got none.npz
+sweep none.npz --duration 9 | --duration: only for simulated drives
 ablation | required: ALGORITHM
 ablation hectar | did you mean 'hector'
 ablation odometry | odometry: has no switch

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 class WheelErrors(NamedTuple):
     """Standard deviations of the odometry errors of a skid-steer robot.
 
-    Constant for a drive: `scale` of distances, `turning` of rotations, `straight` [rad/m], the
-    heading drift. `floor` adds to `turning`, with the correlation time `floor_memory` [s]. Slip grows with
-    the root of the distance [m] or rotation [rad]: `ahead_by_*` [m], `turn_by_*` [rad]. The two
-    slips by rotation are fully correlated.
+    Constant for a drive: `scale` of distances, `turning` of rotations, `straight` [rad/m] of the
+    heading. `floor` adds to `turning`, with the correlation time `floor_memory` [s]. Slip grows
+    with the root of the distance [m] or rotation [rad]: `ahead_by_*` [m], `turn_by_*` [rad]. The
+    two slips by rotation are fully correlated.
     """
 
     scale: float

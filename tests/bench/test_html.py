@@ -227,10 +227,10 @@ def test_the_page_says_how_the_runs_were_made_and_what_came_of_them(comparison, 
 
 
 def test_definitions_have_the_constants_of_the_code(page, monkeypatch, comparison, tmp_path):
-    assert "off by more than 0.5 m or 0.3 rad" in page.text
+    assert "a pose error exceeds 0.5 m or 0.3 rad" in page.text
     monkeypatch.setattr(loss, "MAX_POSITION_ERROR", 7.25)
     changed = Page(written(tmp_path, comparison)).text
-    assert "off by more than 7.25 m or" in changed
+    assert "a pose error exceeds 7.25 m or" in changed
     assert all(span in changed for span in metrics.SPANS)
 
 

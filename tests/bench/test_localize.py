@@ -51,13 +51,13 @@ def small(monkeypatch):
         monkeypatch.setattr(loops, name, value)
 
 
-def test_key_scans_are_a_step_of_way_or_turn_apart():
+def test_keyframes_are_a_distance_or_rotation_apart():
     turned = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.1])
     x = np.array([0.0, 0.4, 0.8, 1.4, 1.4, 1.4, 1.4])
-    assert loops._keys(np.column_stack([x, 0.0 * x, turned])) == [0, 2, 4]
-    around = np.column_stack([0.0 * x, 0.0 * x, np.linspace(3.0, 3.3, 7)])  # over pi: no leap
+    assert loops._keyframes(np.column_stack([x, 0.0 * x, turned])) == [0, 2, 4]
+    around = np.column_stack([0.0 * x, 0.0 * x, np.linspace(3.0, 3.3, 7)])  # across pi: no jump
     around[:, 2] = (around[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
-    assert loops._keys(around) == [0]
+    assert loops._keyframes(around) == [0]
 
 
 def test_a_building_has_a_short_sight_and_wheels_that_are_wrong(small):
@@ -70,7 +70,7 @@ def test_a_building_has_a_short_sight_and_wheels_that_are_wrong(small):
     np.testing.assert_array_equal(loops.building(3).odom.values, counted)
 
 
-def test_the_error_between_two_visits_tells_a_closed_loop_from_an_open_one(small):
+def test_the_error_between_two_visits_separates_closed_and_open_loops(small):
     log = loops.building(3)
     blind = loops.replace(log, ranges=np.full_like(log.ranges, np.inf))
     for label in ("gmapping:n_particles=2", "tsd"):
@@ -78,7 +78,7 @@ def test_the_error_between_two_visits_tells_a_closed_loop_from_an_open_one(small
         assert loops.revisit_error(blind, label) > 1.0  # by wheels alone
 
 
-def test_a_line_for_each_algorithm_says_how_many_loops_are_closed(small, monkeypatch, capsys):
+def test_a_line_for_each_algorithm_has_the_number_of_closed_loops(small, monkeypatch, capsys):
     errors = {"gmapping:n_particles=1": [0.2, 0.3], "hector+loops": [0.1, 0.054]}
     known = {label: iter(of) for label, of in errors.items()}
     monkeypatch.setattr(loops, "revisit_error", lambda log, label: next(known[label]))

@@ -160,7 +160,7 @@ def off_the_walls(log, world, leveled):
     for scan in log.rows(slice(None, None, 40)):
         if not leveled:
             object.__setattr__(scan, "attitude", None)
-        points.take(scan, IDENTITY)
+        points.read(scan, IDENTITY)
         pose = Pose2(*log.truth_at(np.array([scan.t]))[0])
         ends = pose.transform(points.points[:2, : points.n].T)
         found.append(world.gap[world.cells_of(ends)] * world.resolution)
@@ -176,7 +176,7 @@ def test_leveled_scans_lie_on_the_walls_of_the_world(made):
     assert (log.laser.mount_z, log.laser.above_floor) == (height, LASER_HEIGHT)
     points = EndPoints(ScanParams())
     for scan in log:
-        points.take(scan, Pose2(0.3, 0.0, 0.0))
+        points.read(scan, Pose2(0.3, 0.0, 0.0))
     assert points.counts["leveled"] == len(log), "no attitude is called wrong"
     world = world_of(log)
     assert off_the_walls(log, world, True) < 0.05 < 0.2 < off_the_walls(log, world, False)
