@@ -1,1 +1,1 @@
-"""One benchmark over one scan log; knows algorithms only by their names in the registry."""
+"""The benchmark; it uses algorithms only through the registry."""

@@ -1,7 +1,7 @@
-"""slams ablation: what each mechanism of an algorithm is worth, switched off alone.
+"""slams ablation: the effect of each mechanism of an algorithm, switched off alone.
 
-The parameters say which of them are switches, so this knows no algorithm. Runs are those of the
-sweep: the same drives with each switch, and every run is compared with its twin.
+The switches are declared in the parameters. The sweep's drives are repeated with each switch, and
+each run is compared with the run of the unchanged algorithm.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
     from bench.results.sweep import Sweep
 
-ALL = "all"  # the row of the algorithm as it is
-SEEDS = 10
+UNCHANGED_ROW = "all"  # of the unchanged algorithm
 
 
 def parser() -> argparse.ArgumentParser:
@@ -29,9 +28,9 @@ def parser() -> argparse.ArgumentParser:
         prog="slams ablation",
         description="Set every switch of an algorithm to its other value, one at a time, and count "
         "the levels of the sweep's degradations that its runs hold.",
-        epilog="Writes ablation.md and ablation.csv: p is McNemar's exact test over the drives, "
-        "whether a drive held more levels with the switch or as it is. Finished runs are kept in "
-        "OUT/runs: an ablation that was ended continues from them.",
+        epilog="Writes ablation.md and ablation.csv. p is McNemar's exact test over the drives: "
+        "whether a drive held more levels with the switch or without. Finished runs are kept in "
+        "OUT/runs: an interrupted ablation continues from them.",
     )
     p.add_argument(
         "algorithm",
@@ -39,7 +38,7 @@ def parser() -> argparse.ArgumentParser:
         help="name, name@preset, module:Class, or a variant NAME:KEY=VALUE,...",
     )
     sweep.add_drive_options(p)
-    p.set_defaults(seeds=SEEDS)
+    p.set_defaults(seeds=sweep.N_DRIVES)
     options.add_output(p, "results/ablation")
     options.add_jobs(p)
     return p
@@ -53,7 +52,7 @@ def _command(arguments: argparse.Namespace) -> int:
         sys.stdout.write(sweep.listed())
         return 0
     rows = cli.refusing(lambda: rows_of(arguments.algorithm))
-    defaults = vars(sweep.parser().parse_args([]))  # of options that only the sweep has
+    defaults = vars(sweep.parser().parse_args([]))  # for options of the sweep only
     asked = defaults | vars(arguments) | {"algorithms": list(rows.values())}
     found = sweep.swept(argparse.Namespace(**asked))
     made, lost = table(found, rows), f"lost = {found.facts['lost']}"
@@ -69,10 +68,10 @@ def _command(arguments: argparse.Namespace) -> int:
 
 
 def rows_of(label: str) -> dict[str, str]:
-    """The rows of the table, each with the variant that it is of: as it is, then every switch.
+    """The rows of the table with their variants: the unchanged algorithm, then every switch.
 
     Raises:
-        LookupError: no such algorithm, or none that has a switch.
+        LookupError: no such algorithm, or no switch.
     """
     from slams.params import worded
 
@@ -84,7 +83,7 @@ def rows_of(label: str) -> dict[str, str]:
             f"{label}: has no switch, expected parameters declared with switch=True (slams.params)"
         )
     variants = {f"{n}={v}": single.variant(label, **{n: v}) for n, v in others.items()}
-    return {ALL: label, **variants}
+    return {UNCHANGED_ROW: label, **variants}
 
 
 def table(found: Sweep, rows: dict[str, str]) -> pd.DataFrame:
@@ -104,7 +103,7 @@ def table(found: Sweep, rows: dict[str, str]) -> pd.DataFrame:
         # levels held by each drive, over laser alone and with odometry
         before, now = (
             {drive: sum(held[m][row].get(drive, 0) for m in modes) for drive in held[modes[0]][row]}
-            for row in (rows[ALL], label)
+            for row in (rows[UNCHANGED_ROW], label)
         )
         lines[name] = {
             **{f"levels held, {w}": "{} of {}".format(*of.levels) for w, of in own.items()},
@@ -113,7 +112,7 @@ def table(found: Sweep, rows: dict[str, str]) -> pd.DataFrame:
                 for words, figures in own.items()
             },
             "CPU a scan [ms]": scaled(next(iter(own.values())).cpu_scan, 1e3),
-            "p": None if name == ALL else f"{mcnemar(*survival.votes(before, now)):.2g}",
+            "p": None if name == UNCHANGED_ROW else f"{mcnemar(*survival.votes(before, now)):.2g}",
         }
     return pd.DataFrame.from_dict(lines, orient="index")
 

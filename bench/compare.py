@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from bench.run.cases import Choice
     from slams.scanlog import ScanLog
 
-DURATION, QUICK_DURATION = 300.0, 60.0  # s of the simulated log
+SIMULATED_DURATION, QUICK_DURATION = 300.0, 60.0  # s of the simulated log
 
 
 def _command(arguments: argparse.Namespace) -> int:
-    from bench.judge.comparison import weighed
+    from bench.judge.comparison import evaluated
     from bench.report import outputs, text
     from bench.run import folder as folders
     from bench.run.comparing import compared
@@ -41,9 +41,9 @@ def _command(arguments: argparse.Namespace) -> int:
         logs = logs or [cli.refusing(lambda: simulated(folder, choice, arguments))]
         found = compared(labels, logs, choice, arguments.jobs, arguments.quiet)
         found = [log._replace(outcomes=[*log.outcomes, *others]) for log in found]
-        comparison = weighed(found, _facts(choice, arguments))
+        comparison = evaluated(found, _facts(choice, arguments))
         _write(folder, comparison)
-        folders.cleared(out, outputs.FILES)
+        folders.cleared(out, outputs.OUTPUT_FILES)
     if not arguments.quiet:
         report = out / "report.html"
         more = f"The report: {report}; tables, figures and results.json beside it."
@@ -54,13 +54,13 @@ def _command(arguments: argparse.Namespace) -> int:
 def _others(
     arguments: argparse.Namespace, labels: list[str], logs: list[ScanLog], choice: Choice
 ) -> list[Outcome]:
-    """The rows of other programs; their trajectories are of the one log."""
+    """The rows of other programs, for a single log."""
     from bench.run.comparing import with_consistency
     from bench.run.foreign import foreign_case, read_foreign
 
     given = arguments.trajectory, arguments.map
     if any(given) and len(logs) != 1:
-        raise ValueError(f"--trajectory: got {len(logs)} logs, expected the one it is of")
+        raise ValueError(f"--trajectory: got {len(logs)} logs, expected the log of the trajectory")
     if not any(given):
         return []
     found = read_foreign(*given, labels, arguments.logs[0], choice.options)
@@ -72,7 +72,7 @@ def _others(
 
 
 def _facts(choice: Choice, arguments: argparse.Namespace) -> dict[str, Any]:
-    """How the comparison was made: command, machine, versions."""
+    """The record of the comparison: command, machine, versions."""
     from bench.run import timing
     from slams.ros import ros_params
 
@@ -82,22 +82,22 @@ def _facts(choice: Choice, arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _write(folder: Path, comparison: Comparison) -> None:
-    """The results first, then everything that is drawn from them."""
+    """Write the results, then tables, figures and pages."""
     from bench import results
     from bench.report import outputs
 
-    results.write_figures(folder / results.FIGURES, comparison.as_dict())
+    results.write_figures(folder / results.RESULTS_FILE, comparison.as_dict())
     outputs.write(folder, comparison)
 
 
 def simulated(folder: Path, choice: Choice, arguments: argparse.Namespace) -> ScanLog:
-    """The paper's data set, simulated and kept in `folder`: rescue maze, UTM-30LX, five minutes."""
+    """The default log, simulated and saved in `folder`: rescue maze, UTM-30LX, five minutes."""
     from bench.sim.setting import Setting
     from bench.sim.simulation import simulate
 
     duration = arguments.duration
     if duration is None:
-        duration = QUICK_DURATION if arguments.quick else DURATION
+        duration = QUICK_DURATION if arguments.quick else SIMULATED_DURATION
     log = simulate(Setting(seed=choice.seed, duration=duration))
     log.save(folder / f"{log.name}.npz")
     return log.select(choice.limit, choice.every, choice.odometry)

@@ -1,4 +1,4 @@
-"""slams localize: poses in a map that stays, against the truth."""
+"""slams localize: localization in a fixed map, compared with the ground truth."""
 
 from __future__ import annotations
 
@@ -21,13 +21,12 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import OccupancyGrid, Pose2
 
-ARENAS = ("rescue", "office", "hall")
-PLAN = 0.05  # [m] of a cell of the floor plan
-NEAR, ALIGNED = 0.1, math.radians(3.0)  # [m], [rad]: a place that is found is right
-OTHER = 1000  # from a drive's seed to that of the second one
-PLACES = 20  # of each arena, to be found
-SURE = 0.95  # probability
-SETTLING = 1.0  # [s] after it was found, in which the pose is pulled to where the map has it
+FLOOR_PLAN_CELL = 0.05  # m
+MAX_PLACE_ERROR, MAX_PLACE_ROTATION = 0.1, math.radians(3.0)  # m, rad, of a correct result
+SECOND_DRIVE_SEED = 1000  # offset of the second drive's seed
+SEARCHES_PER_ARENA = 20
+MIN_PROBABILITY = 0.95  # of a confident result
+SETTLING_TIME = 1.0  # s after the start, in which the pose converges
 
 
 class Place(NamedTuple):
@@ -44,10 +43,11 @@ def parser() -> argparse.ArgumentParser:
     p = cli.Parser(
         prog="slams localize",
         description="Localize in simulated arenas: a second drive in the map of a first one and "
-        f"in the arena's floor plan of {PLAN:g} m, and {PLACES} scans of each found from nothing.",
+        f"in the arena's floor plan of {FLOOR_PLAN_CELL:g} m, and global localization of "
+        f"{SEARCHES_PER_ARENA} scans in each arena.",
     )
-    usual = ["hector", "tsd"]
-    p.add_argument("--algorithms", metavar="NAME", nargs="*", default=usual, help="hector tsd")
+    default = ["hector", "tsd"]
+    p.add_argument("--algorithms", metavar="NAME", nargs="*", default=default, help="hector tsd")
     p.add_argument("--arenas", type=cli.count, default=10, metavar="N", help="%(default)s")
     p.add_argument("--duration", type=float, default=30.0, metavar="S", help="of a drive (30)")
     p.add_argument("--size", type=float, metavar="M", help="of an arena, as slams simulate")
@@ -59,14 +59,14 @@ def _command(arguments: argparse.Namespace) -> int:
 
     cli.refusing(lambda: _check(arguments))
     searched: list[dict[str, Any]] = []
-    driven: list[dict[str, Any]] = []
+    drives: list[dict[str, Any]] = []
     numbers = range(arguments.arenas)
     for number in cli.progress(numbers, len(numbers), "localizing", quiet=False, unit="arena"):
         place = cli.refusing(lambda number=number: _place(number, arguments))  # type: ignore[misc]
         searched += _searched(place)
         for label in arguments.algorithms:
-            driven += _driven(place, label)
-    sys.stdout.write(f"{search_words(searched)}\n\n{text_table(drive_table(driven), 'in')}\n")
+            drives += _driven(place, label)
+    sys.stdout.write(f"{search_words(searched)}\n\n{text_table(drive_table(drives), 'in')}\n")
     return 0
 
 
@@ -85,7 +85,7 @@ def _place(number: int, arguments: argparse.Namespace) -> Place:
     from bench.sim.simulation import simulate, world_of
     from slams.formats.occupancy import write_map
 
-    kind = ARENAS[number % len(ARENAS)]
+    kind = ("rescue", "office", "hall")[number % 3]
     made = simulate(Setting(kind, size=arguments.size, seed=number, duration=1.0))
     world = world_of(made)
     assert world is not None
@@ -94,28 +94,29 @@ def _place(number: int, arguments: argparse.Namespace) -> Place:
         arena = str(Path(folder) / "map.yaml")
         first, second = (
             simulate(Setting(arena, seed=seed, duration=arguments.duration))
-            for seed in (number, number + OTHER)
+            for seed in (number, number + SECOND_DRIVE_SEED)
         )
     return Place(f"{kind} {number}", floor_plan(world), first, second)
 
 
 def floor_plan(world: World) -> OccupancyGrid:
-    """The world's picture in cells of `PLAN`: dark wherever a wall is, white where it is known."""
+    """The world in cells of `FLOOR_PLAN_CELL`: occupied where a wall is, free where known."""
+    cell = FLOOR_PLAN_CELL
     import numpy as np
 
     from slams.types import OccupancyGrid
 
     left, right, bottom, top = world.extent
-    shape = tuple(math.ceil(round(side / PLAN, 6)) for side in (top - bottom, right - left))
+    shape = tuple(math.ceil(round(side / cell, 6)) for side in (top - bottom, right - left))
     p = np.full(shape, np.nan)
     for cells, value in ((world.free, 0.0), (world.occupied, 1.0)):
-        iy, ix = ((index + 0.5) * world.resolution / PLAN for index in np.nonzero(cells))
+        iy, ix = ((index + 0.5) * world.resolution / cell for index in np.nonzero(cells))
         p[iy.astype(int), ix.astype(int)] = value
-    return OccupancyGrid(p.astype(np.float32), PLAN, world.origin)
+    return OccupancyGrid(p.astype(np.float32), cell, world.origin)
 
 
 def _searched(place: Place) -> Iterator[dict[str, Any]]:
-    """Single scans of a drive, each found from nothing in the floor plan."""
+    """Global localization of single scans of a drive in the floor plan."""
     import numpy as np
 
     from slams.localize.map_index import MapIndex
@@ -125,16 +126,16 @@ def _searched(place: Place) -> Iterator[dict[str, Any]]:
     truth = log.truth_at(log.t)
     assert truth is not None
     scans = list(log)
-    index.search(scans[0])  # compiled
-    for k in np.linspace(0, len(scans) - 1, PLACES).astype(int).tolist():
+    index.search(scans[0])  # compiles the kernels
+    for k in np.linspace(0, len(scans) - 1, SEARCHES_PER_ARENA).astype(int).tolist():
         start = time.process_time()
         found = index.search(scans[k])
         spent = time.process_time() - start
-        off = found[0].pose.between(Pose2(*truth[k])) if found else Pose2(math.inf, 0.0, 0.0)
-        distance = math.hypot(off.x, off.y)
-        right = bool(distance < NEAR and abs(off.theta) < ALIGNED)
-        sure = bool(found and found[0].probability >= SURE)
-        yield {"right": right, "sure": sure, "off_m": distance, "cpu_s": spent}
+        error = found[0].pose.between(Pose2(*truth[k])) if found else Pose2(math.inf, 0.0, 0.0)
+        distance = math.hypot(error.x, error.y)
+        right = bool(distance < MAX_PLACE_ERROR and abs(error.theta) < MAX_PLACE_ROTATION)
+        confident = bool(found and found[0].probability >= MIN_PROBABILITY)
+        yield {"right": right, "confident": confident, "error_m": distance, "cpu_s": spent}
 
 
 def _driven(place: Place, label: str) -> Iterator[dict[str, Any]]:
@@ -163,12 +164,12 @@ def _driven(place: Place, label: str) -> Iterator[dict[str, Any]]:
 
 
 def _figures(ready: Prepared, log: ScanLog, frame: Pose2) -> dict[str, float]:
-    """Errors of the absolute pose [m]: where it was found, and once it has settled.
+    """Errors of the absolute pose [m]: at the start, and after it has settled.
 
-    `frame` is the map's in that of the truth, by the first scan that went into it.
+    `frame` is the pose of the map's frame in the frame of the ground truth.
 
     Raises:
-        RuntimeError: the place is not found.
+        RuntimeError: the global localization failed.
     """
     import numpy as np
 
@@ -180,7 +181,7 @@ def _figures(ready: Prepared, log: ScanLog, frame: Pose2) -> dict[str, float]:
     run, truth = replay(ready.at(start.pose), rest), rest.truth_at(rest.t)
     assert truth is not None
     errors = np.hypot(*(frame.transform(run.poses[:, :2]) - truth[:, :2]).T)
-    settled = errors[rest.t >= rest.t[0] + SETTLING]
+    settled = errors[rest.t >= rest.t[0] + SETTLING_TIME]
     return {
         "first_m": float(errors[0]),
         "mean_m": float(settled.mean()),
@@ -189,21 +190,21 @@ def _figures(ready: Prepared, log: ScanLog, frame: Pose2) -> dict[str, float]:
 
 
 def search_words(rows: list[dict[str, Any]]) -> str:
-    """How many scans were found, how well, and at which cost."""
+    """Success, accuracy and cost of the searches in a sentence."""
     import pandas as pd
 
     found = pd.DataFrame(rows)
     right, wrong = found[found["right"]], found[~found["right"]]
     return (
-        f"found from nothing: {len(right)} of {len(found)} right, "
-        f"{1e3 * right['off_m'].median():.0f} mm off in the median, {right['sure'].sum()} of them "
-        f"sure; {wrong['sure'].sum()} of {len(wrong)} wrong ones sure; "
-        f"{1e3 * found['cpu_s'].median():.0f} ms CPU in the median"
+        f"global localization: {len(right)} of {len(found)} correct, median error "
+        f"{1e3 * right['error_m'].median():.0f} mm, {right['confident'].sum()} of them confident; "
+        f"{wrong['confident'].sum()} of {len(wrong)} wrong ones confident; "
+        f"median CPU {1e3 * found['cpu_s'].median():.0f} ms"
     )
 
 
 def drive_table(rows: list[dict[str, Any]]) -> pd.DataFrame:
-    """For each algorithm and map: errors [mm] over the arenas, in the median and the worst one."""
+    """Errors [mm] by algorithm and map over the arenas: median and maximum."""
     import pandas as pd
 
     columns = ["algorithm", "map", "first_m", "mean_m", "p95_m"]

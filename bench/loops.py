@@ -1,4 +1,4 @@
-"""slams loops: who closes the loops of buildings of bare corridors."""
+"""slams loops: loop closure in buildings of bare corridors."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import Floats
 
-ROWS = ("hector+loops", "gmapping", "gmapping:n_particles=1")
-SIZE, WAY, SPEED = 70.0, 260.0, 2.0  # m, m, m/s: a ring of corridors, driven around and on
-STEP, LEVER = 0.7, 0.7  # m between keyframes; m a radian counts for
-FAN, BEAMS, RANGE = 180.0, 181, 8.0  # deg, beams and m that the laser sees
-SCALE_ERROR, TURN_ERROR = 0.05, 0.05  # of way and turn that wheels count wrong, 5 %
-HEADING_DRIFT = 0.052  # rad/m, 3 degrees a meter
-AGAIN, NEAR = 40.0, 1.0  # s later and m away: a place visited again
-CLOSED = 0.2  # m of error between the two visits, on average
+LOOP_ALGORITHMS = ("hector+loops", "gmapping", "gmapping:n_particles=1")
+BUILDING_SIZE, DRIVE_LENGTH, ROBOT_SPEED = 70.0, 260.0, 2.0  # m, m, m/s; more than one lap
+KEYFRAME_DISTANCE, ROTATION_LEVER = 0.7, 0.7  # m between keyframes; m per rad of rotation
+FIELD_OF_VIEW, N_BEAMS, MAX_RANGE = 180.0, 181, 8.0  # deg, 1, m
+ODOMETRY_SCALE_ERROR, ODOMETRY_ROTATION_ERROR = 0.05, 0.05  # of distance and rotation
+HEADING_DRIFT = 0.052  # rad/m, 3 degrees per meter
+LOOP_REVISIT_TIME, LOOP_REVISIT_DISTANCE = 40.0, 1.0  # s, m between two visits of a place
+MAX_CLOSED_LOOP_ERROR = 0.2  # m, mean error between two visits
 
 
 def parser() -> argparse.ArgumentParser:
@@ -30,16 +30,17 @@ def parser() -> argparse.ArgumentParser:
     p = cli.Parser(
         prog="slams loops",
         description="Drive loops in simulated buildings of bare corridors: scans "
-        f"{STEP:g} m apart, a laser with a range of {RANGE:g} m, wheels that err by "
-        f"{SCALE_ERROR:.0%} and 3 degrees per meter. A loop is closed if the poses at revisited "
-        f"places are right to {CLOSED:g} m.",
+        f"{KEYFRAME_DISTANCE:g} m apart, a laser range of {MAX_RANGE:g} m, odometry errors of "
+        f"{ODOMETRY_SCALE_ERROR:.0%} and 3 degrees per meter. A loop is closed if the mean error "
+        f"between visits of a place is at most {MAX_CLOSED_LOOP_ERROR:g} m.",
     )
     p.add_argument(
         "--algorithms",
         metavar="NAME",
         nargs="+",
-        default=list(ROWS),
-        help=f"name, variant NAME:KEY=VALUE,... or module:Class (default: {' '.join(ROWS)})",
+        default=list(LOOP_ALGORITHMS),
+        help="name, variant NAME:KEY=VALUE,... or module:Class "
+        f"(default: {' '.join(LOOP_ALGORITHMS)})",
     )
     words = "number of buildings (default: %(default)s)"
     p.add_argument("--buildings", type=cli.count, default=10, metavar="N", help=words)
@@ -62,22 +63,25 @@ def _command(arguments: argparse.Namespace) -> int:
 
 
 def building(seed: int) -> ScanLog:
-    """Keyframes of one drive around a ring of corridors, with wheels that are wrong."""
+    """Keyframes of one drive around a ring of corridors, with large odometry errors."""
     import numpy as np
 
     from bench.sim.degrade.fan import beams, fov
     from bench.sim.degrade.readings import range_
     from bench.sim.setting import Setting
     from bench.sim.simulation import simulate
-    from bench.sim.wheels import WHEELS, counted
+    from bench.sim.wheels import RESCUE_ROBOT_WHEELS, counted
     from slams.scanlog import TimeSeries
 
-    setting = Setting("ring", seed=seed, size=SIZE, length=WAY, v=SPEED, noise=0.02)
-    log, chance = simulate(setting), np.random.default_rng(seed)
-    log = log.rows(np.array(_keys(_true(log))))
-    log = range_(beams(fov(log, FAN), BEAMS), RANGE)
-    wrong = WHEELS._replace(scale=SCALE_ERROR, turning=TURN_ERROR, straight=HEADING_DRIFT)
-    odometry = TimeSeries(log.t, counted(_true(log), log.t, chance, wrong))
+    size, length = BUILDING_SIZE, DRIVE_LENGTH
+    setting = Setting("ring", seed=seed, size=size, length=length, v=ROBOT_SPEED, noise=0.02)
+    log, rng = simulate(setting), np.random.default_rng(seed)
+    log = log.rows(np.array(_keyframes(_true(log))))
+    log = range_(beams(fov(log, FIELD_OF_VIEW), N_BEAMS), MAX_RANGE)
+    errors = RESCUE_ROBOT_WHEELS._replace(
+        scale=ODOMETRY_SCALE_ERROR, turning=ODOMETRY_ROTATION_ERROR, straight=HEADING_DRIFT
+    )
+    odometry = TimeSeries(log.t, counted(_true(log), log.t, rng, errors))
     return replace(log, odom=odometry, yaw_rate=None, meta={})
 
 
@@ -87,22 +91,22 @@ def _true(log: ScanLog) -> Floats:
     return true
 
 
-def _keys(poses: Floats) -> list[int]:
-    """Scans that are a step of way or turn behind each other."""
+def _keyframes(poses: Floats) -> list[int]:
+    """Indices of scans that are `KEYFRAME_DISTANCE` apart, by distance and rotation."""
     import numpy as np
 
-    turned = np.abs(np.angle(np.exp(1j * np.diff(poses[:, 2]))))
-    way = np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T) + LEVER * turned)
-    keys, last = [0], 0.0
-    for i, far in enumerate(way, 1):
-        if far - last >= STEP:
-            keys.append(i)
-            last = float(far)
-    return keys
+    rotation = np.abs(np.angle(np.exp(1j * np.diff(poses[:, 2]))))
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0).T) + ROTATION_LEVER * rotation
+    keyframes, last = [0], 0.0
+    for i, length in enumerate(np.cumsum(steps), 1):
+        if length - last >= KEYFRAME_DISTANCE:
+            keyframes.append(i)
+            last = float(length)
+    return keyframes
 
 
 def revisit_error(log: ScanLog, label: str) -> float:
-    """Mean error [m] between two visits of a place; of corrected poses where there are some."""
+    """Mean error [m] between two visits of a place, of the corrected poses if there are any."""
     import numpy as np
 
     from bench.run.single import algorithm_of
@@ -112,13 +116,14 @@ def revisit_error(log: ScanLog, label: str) -> float:
 
     run = replay(find(algorithm_of(label)).cls(params_of(label)), log)
     true = _true(log)
-    apart = np.hypot(*(true[:, None, :2] - true[None, :, :2]).transpose(2, 0, 1))
-    later, sooner = np.nonzero((apart < NEAR) & (np.subtract.outer(log.t, log.t) > AGAIN))
-    return float(pair_errors(run.final, true, sooner, later)[0].mean())
+    distance = np.hypot(*(true[:, None, :2] - true[None, :, :2]).transpose(2, 0, 1))
+    near = distance < LOOP_REVISIT_DISTANCE
+    later, earlier = np.nonzero(near & (np.subtract.outer(log.t, log.t) > LOOP_REVISIT_TIME))
+    return float(pair_errors(run.final, true, earlier, later)[0].mean())
 
 
 def _line(label: str, errors: list[float]) -> str:
-    closed = sum(error <= CLOSED for error in errors)
+    closed = sum(error <= MAX_CLOSED_LOOP_ERROR for error in errors)
     meters = " ".join(f"{error:.2f}" for error in errors)
     return f"{label}: {closed} of {len(errors)} closed; error between two visits [m]: {meters}\n"
 

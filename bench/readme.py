@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.report import pages
-from bench.results import FORMAT, read_figures, sweep, write_figures
+from bench.results import RESULTS_FORMAT, read_figures, sweep, write_figures
 from bench.run.single import settings_of
 from slams import cli
 
@@ -25,9 +25,9 @@ RESULTS = ROOT / "bench" / "readme_results.json"
 RELATIONS = ROOT / "bench" / "readme_relations.json"
 PUBLIC = ROOT / "bench" / "readme_public.json"
 SWEEP = ROOT / "bench" / "readme_sweep.json"
-PICTURES = ("fig_errors.png", "fig4_maps.png")
+COMPARISON_PICTURES = ("fig_errors.png", "fig4_maps.png")
 SWEEP_PICTURE, COST_PICTURE = "fig_sweep.png", "fig_cost.png"
-SHOWN = ("main", "translation", "orientation", "spans", "maps", "unaided", "cost")
+SHOWN_TABLES = ("main", "translation", "orientation", "spans", "maps", "unaided", "cost")
 PART = re.compile(
     r"(<!-- (table|choice|results|sweep|field|relations|public|"
     r"(?:ros-)?parameters: (\w+)) -->\n)"
@@ -61,33 +61,33 @@ def _command(arguments: argparse.Namespace) -> int:
 
 
 def readmes() -> list[Path]:
-    """Every README and page of docs with generated parts."""
+    """All READMEs and pages with generated parts."""
     packages = sorted(path.parent for path in ROOT.glob("*/slam.py"))
     docs = (path for path in sorted(ROOT.glob("docs/*.md")) if PART.search(path.read_text("utf-8")))
     return [ROOT / "README.md", *(package / "README.md" for package in packages), *docs]
 
 
 def adopt(folder: Path) -> None:
-    """Make a folder's results the README's.
+    """Keep a folder's results for the pages.
 
-    One of bench.sweep; one of bench.compare over several logs, the public ones; one with relations
-    for its algorithms on a real log; one with variants for its picture of costs; else the main one.
+    A sweep; a comparison over several logs (the public ones), with relations, with variants (only
+    its picture of costs), or the main one.
     """
-    if (folder / sweep.TRIALS).exists():
+    if (folder / sweep.TRIALS_FILE).exists():
         pages.adopt(SWEEP, sweep.read(folder))
         if (folder / SWEEP_PICTURE).exists():
             shutil.copyfile(folder / SWEEP_PICTURE, ROOT / "bench" / SWEEP_PICTURE)
         return
-    found = read_figures(folder / "results.json", FORMAT)
+    found = read_figures(folder / "results.json", RESULTS_FORMAT)
     if len(found["logs"]) > 1:
         write_figures(PUBLIC, public_figures(found))
         return
     if any(settings_of(row["algorithm"]) for row in found["rows"]):
-        shutil.copyfile(folder / PICTURES[0], ROOT / "bench" / COST_PICTURE)
+        shutil.copyfile(folder / COMPARISON_PICTURES[0], ROOT / "bench" / COST_PICTURE)
         return
     if not any(row.get("relations") for row in found["rows"]):
         write_figures(RESULTS, found | {"command": as_typed(found["command"])})
-        for name in PICTURES:
+        for name in COMPARISON_PICTURES:
             shutil.copyfile(folder / name, ROOT / "bench" / name)
         return
     known = read_figures(RELATIONS) if RELATIONS.exists() else {}
@@ -115,7 +115,7 @@ def as_typed(command: str) -> str:
 
 
 def public_figures(found: dict[str, Any]) -> dict[str, Any]:
-    """Of results over several logs what `public` shows."""
+    """The figures of the part `public`, from results over several logs."""
     keys = ("name", "scans", "beams", "duration_s")
     logs = [{key: log[key] for key in keys} | {"cpu_ms": {}} for log in found["logs"]]
     by_name = {log["name"]: log for log in logs}
@@ -130,7 +130,7 @@ def public_figures(found: dict[str, Any]) -> dict[str, Any]:
 
 
 def rendered(text: str) -> str:
-    """A README's text with its generated parts made anew."""
+    """A page's text with new generated parts."""
 
     def _part(match: re.Match[str]) -> str:
         return f"{match[1]}\n{_body(match[2], match[3])}\n{match[4]}"
@@ -139,7 +139,7 @@ def rendered(text: str) -> str:
 
 
 def _body(part: str, name: str | None) -> str:
-    """What stands in a part; `name` is the algorithm's whose parameters it lists."""
+    """The content of a part; `name` is the algorithm of a list of parameters."""
     if name is None:
         return PARTS[part]()
     if part.startswith("ros-"):
@@ -155,7 +155,7 @@ def table() -> str:
 
 
 def results() -> str:
-    """The paper's tables and the others of the committed results, and the verdicts."""
+    """The tables of the committed results, and the tests of neighboring algorithms."""
     from bench.report import tables
     from bench.report import text as report
     from bench.report.words import neighbors
@@ -164,13 +164,13 @@ def results() -> str:
     log = found["logs"][0]
     made = tables.tables(log, found["rows"])
     parts = [f"`{found['command']}`: {report.head(log)}, on {found['machine']['cpu']}."]
-    parts += [report.titled(made[key]) for key in SHOWN if key in made]
+    parts += [report.titled(made[key]) for key in SHOWN_TABLES if key in made]
     words = [f"- {verdict['sentence']}" for verdict in neighbors(log["verdicts"])]
     return "\n\n".join(parts) + "\n\n\n" + "\n".join(words) + "\n"
 
 
 def parameters(name: str) -> str:
-    """The parameters of an algorithm beside its original's, and those only the original has."""
+    """The parameters of an algorithm and its original, and those of the original only."""
     from slams.registry import find
 
     default, original = (find(label).params().table() for label in (name, f"{name}@original"))

@@ -1,4 +1,4 @@
-"""slams simulate OUT.npz: a scan log with its truth, from arena, drive and sensor."""
+"""slams simulate OUT.npz: a scan log with ground truth, from arena, drive and sensor."""
 
 from __future__ import annotations
 
@@ -65,11 +65,11 @@ def _summary(log: ScanLog, out: Path, seconds: float) -> str:
 
     from slams.metrics import path_length
 
-    way = 0.0 if log.truth is None else path_length(log.truth.values)
-    seen = float(np.isfinite(log.ranges).mean())
+    distance = 0.0 if log.truth is None else path_length(log.truth.values)
+    hits = float(np.isfinite(log.ranges).mean())
     return (
         f"{log.name}: {len(log)} scans of {log.laser.n_beams} beams in"
-        f" {len(log) * log.scan_period:.1f} s, {way:.1f} m driven, {seen:.1%} of the beams hit\n"
+        f" {len(log) * log.scan_period:.1f} s, {distance:.1f} m driven, {hits:.1%} returns\n"
         f"{out}: {out.stat().st_size / 1e6:.1f} MB, made in {seconds:.1f} s CPU\n"
     )
 

@@ -1,4 +1,4 @@
-"""slams sweep: what breaks which algorithm, over arenas, conditions and seeds."""
+"""slams sweep: robustness of the algorithms over arenas, degradations and seeds."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from bench.run.plan import Case, Plan
     from bench.run.store import Store
 
-# what a sweep raises; bench.sim.degrade has all there are
-DEGRADATIONS = (
+# of a sweep by default; bench.sim.degrade has all
+DEFAULT_DEGRADATIONS = (
     *("clean", "rate", "beams", "fov", "range", "noise", "short", "people", "glass", "blind"),
     *("speed", "slip", "jump", "poor_lidar"),
 )
-QUICK = ("clean", "beams", "people")
-PRESETS = ("", "paper", "original")  # rows of each algorithm: to use, the idea, as published
-SEEDS, QUICK_SEEDS = 10, 5  # drives in each arena
-DURATION, RATE = 20.0, 10.0  # s of each simulated drive, Hz
+QUICK_DEGRADATIONS = ("clean", "beams", "people")
+ROW_PRESETS = ("", "paper", "original")  # of each algorithm: default, idea, published program
+N_DRIVES, N_QUICK_DRIVES = 10, 5  # in each arena
+DRIVE_DURATION, SCAN_RATE = 20.0, 10.0  # s of each simulated drive, Hz
 
 
 def parser() -> argparse.ArgumentParser:
@@ -38,7 +38,7 @@ def parser() -> argparse.ArgumentParser:
         "to take. Without a log it simulates ten drives in each arena and takes hours; with "
         "--quick it takes some minutes.",
         epilog="Writes report.html, sweep.json, tables as csv. Finished runs are kept "
-        "in OUT/runs: a sweep that was ended continues from them.",
+        "in OUT/runs: an interrupted sweep continues from them.",
     )
     p.add_argument("logs", nargs="*", metavar="LOG", help="logs with a truth (default: simulate)")
     p.add_argument(
@@ -70,7 +70,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def add_drive_options(parser: argparse.ArgumentParser) -> None:
-    """Give a command the options of what is driven and how it is degraded."""
+    """Add the options of drives and degradations."""
     parser.add_argument(
         "--degradations",
         metavar="NAME[=LEVEL]",
@@ -95,13 +95,13 @@ def add_drive_options(parser: argparse.ArgumentParser) -> None:
         "--duration",
         type=within(float, 2.0, 14400.0),
         metavar="S",
-        help=f"length of each simulated drive [s] (default: {DURATION:g})",
+        help=f"length of each simulated drive [s] (default: {DRIVE_DURATION:g})",
     )
     parser.add_argument(
         "--rate",
         type=within(float, 0.0, 1000.0),
         metavar="HZ",
-        default=RATE,
+        default=SCAN_RATE,
         help="scans per second at most, 0 for all (default: %(default)g)",
     )
 
@@ -129,31 +129,31 @@ def _command(arguments: argparse.Namespace) -> int:
     place = Path(arguments.out)
     with files.complete_folder(place) as folder:
         results.save(folder, found)
-        weighed = write(folder, found)
+        analyzed = write(folder, found)
     if not arguments.quiet:
-        screen = sweep_tables.terminal(weighed, found.facts)
+        screen = sweep_tables.terminal(analyzed, found.facts)
         sys.stdout.write(f"{screen}\n\n{place}/: report.html, sweep.json, tables\n")
     return cli.FAILED if all(trial["failed"] for trial in found.trials) else 0
 
 
 def write(folder: Path, found: Sweep) -> Analysis:
-    """Write all files but the results themselves; returns what they are made from."""
+    """Write all files except the results; returns the analysis."""
     from bench.judge.answers import analysis
     from bench.report import sweep_figure, sweep_tables
     from bench.report.html import sweep_page
     from bench.report.text import write_csv
 
-    weighed = analysis(found)
-    write_csv(folder, sweep_tables.tables(weighed, found.facts))
-    sweep_tables.curve_table(weighed).to_csv(folder / "survival.csv", index=False)
-    sweep_figure.draw(found, weighed, folder / "fig_sweep.png")
-    sweep_figure.draw_survival(weighed, found.facts["units"], folder)
-    sweep_page.write(folder, found, weighed)
-    return weighed
+    analyzed = analysis(found)
+    write_csv(folder, sweep_tables.tables(analyzed, found.facts))
+    sweep_tables.curve_table(analyzed).to_csv(folder / "survival.csv", index=False)
+    sweep_figure.draw(found, analyzed, folder / "fig_sweep.png")
+    sweep_figure.draw_survival(analyzed, found.facts["units"], folder)
+    sweep_page.write(folder, found, analyzed)
+    return analyzed
 
 
 def swept(arguments: argparse.Namespace) -> Sweep:
-    """Every trial that a command asks for, done now or kept from before."""
+    """All trials of a command, computed now or kept from before."""
     from bench.run import timing
     from bench.run.store import Store
     from slams.formats.files import check_folder
@@ -168,19 +168,20 @@ def swept(arguments: argparse.Namespace) -> Sweep:
 
 
 def _plan(arguments: argparse.Namespace) -> Plan:
-    """Everything that was asked for, read and checked before the work starts."""
+    """The plan of a command, read and checked before the work starts."""
     from bench.run import plan
 
     for name in ("arenas", "duration"):
         if arguments.logs and getattr(arguments, name) is not None:
-            raise ValueError(f"--{name}: is of simulated drives, and {arguments.logs[0]} was given")
+            raise ValueError(f"--{name}: only for simulated drives; got {arguments.logs[0]}")
     quick = arguments.quick
-    chosen = arguments.degradations or list(QUICK if quick else DEGRADATIONS)
-    seeds = arguments.seeds or (QUICK_SEEDS if quick else SEEDS)
-    arenas, duration = arguments.arenas or list(ARENAS), arguments.duration or DURATION
+    chosen = arguments.degradations or list(QUICK_DEGRADATIONS if quick else DEFAULT_DEGRADATIONS)
+    seeds = arguments.seeds or (N_QUICK_DRIVES if quick else N_DRIVES)
+    arenas, duration = arguments.arenas or list(ARENAS), arguments.duration or DRIVE_DURATION
     simulated = plan.Drives(arenas, seeds, duration, arguments.sensor, arguments.seed)
     known = [name for name in names() if name not in BASELINES]
-    algorithms = arguments.algorithms or single.with_presets(known, PRESETS[: 1 if quick else 3])
+    presets = ROW_PRESETS[: 1 if quick else 3]
+    algorithms = arguments.algorithms or single.with_presets(known, presets)
     return plan.Plan(
         algorithms=algorithms,
         conditions=plan.conditions_of(chosen),
@@ -193,7 +194,7 @@ def _plan(arguments: argparse.Namespace) -> Plan:
 
 
 def _do(cases: list[Case], store: Store, arguments: argparse.Namespace) -> dict[str, Any]:
-    """Do what is not kept from before; the results by their keys."""
+    """Run the climbs without kept results; their results by key."""
     from bench.run import work
 
     todo = [case for case in cases if store.read(case.task.key) is None]

@@ -61,7 +61,7 @@ compare --algorithms nobody | unknown algorithm 'nobody'
 compare --jobs 0 | --jobs: got 0
 compare --relations r.txt | expected the one they are of
 compare --truth t.tum | --truth: got no log
-compare room.npz --duration 3 | --duration: is of the simulation
+compare room.npz --duration 3 | --duration: only for a simulated log
 compare --sensor lsd01 | unknown sensor 'lsd01'; did you mean 'lds01'
 compare --ros-params slam.launch | got 'slam.launch', expected ALGORITHM=FILE
 compare --ros-params tsd= | got 'tsd=', expected ALGORITHM=FILE
@@ -78,7 +78,7 @@ compare --algorithms tsd --set tsd:cell=-1 | parameter 'cell': got -1
 compare --algorithms tsd --params tsd: | got 'tsd:', expected ALGORITHM:FILE
 compare room.npz --trajectory x | expected NAME=FILE
 compare room.npz --trajectory x=none.tum | none.tum
-compare room.npz --trajectory kiss=good.tum | a row that is there already
+compare room.npz --trajectory kiss=good.tum | the name of an existing row
 compare room.npz --trajectory x=good.tum --trajectory x=good.tum | twice
 compare room.npz --map x=good.tum | expected a name given to --trajectory
 compare room.npz --trajectory x=one.tum | x
@@ -108,10 +108,10 @@ sweep --sensor lds3 | unknown sensor
 sweep --duration 1 | --duration: got 1
 sweep --duration long | --duration: invalid float value: 'long'
 sweep none.npz | none.npz
-sweep blind.npz | has no truth; a sweep needs one
+sweep blind.npz | has no ground truth; a sweep needs one
 sweep --scan-topic /scan | --scan-topic: got no log
-sweep none.npz --arenas ring | --arenas: is of simulated drives, and none.npz was
-sweep none.npz --duration 9 | --duration: is of simulated drives
+sweep none.npz --arenas ring | --arenas: only for simulated drives; got none.npz
+sweep none.npz --duration 9 | --duration: only for simulated drives
 ablation | required: ALGORITHM
 ablation hectar | did you mean 'hector'
 ablation odometry | odometry: has no switch

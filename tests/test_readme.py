@@ -7,7 +7,7 @@ import shlex
 import pytest
 
 from bench import compare, readme
-from bench.results import FORMAT
+from bench.results import RESULTS_FORMAT
 from bench.results import sweep as results
 from tests.bench.test_answers import climbs
 from tests.bench.test_sweep import sweep_of
@@ -86,7 +86,7 @@ def test_of_results_with_variants_the_picture_is_kept_and_the_tables_stay(tmp_pa
     (tmp_path / "bench").mkdir()
     (tmp_path / "fig_errors.png").write_text("costs")
     rows = [{"algorithm": label} for label in ("gmapping", "gmapping:n_particles=5")]
-    found = {"format": FORMAT, "command": "c", "logs": [{}], "rows": rows}
+    found = {"format": RESULTS_FORMAT, "command": "c", "logs": [{}], "rows": rows}
     (tmp_path / "results.json").write_text(json.dumps(found))
     readme.adopt(tmp_path)
     assert (tmp_path / "bench" / "fig_cost.png").read_text() == "costs"
@@ -104,7 +104,7 @@ def several_logs(folder):
     ]
     rows[3] |= {"failed": "ValueError: no", "cost": None}
     found = {
-        "format": FORMAT,
+        "format": RESULTS_FORMAT,
         "command": "slams compare ../logs/a.bag 'x y/b.npz' --out /somewhere/o --every 2",
         "machine": {"cpu": "a core"},
         "logs": [

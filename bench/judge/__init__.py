@@ -1,1 +1,1 @@
-"""Judge a run: pure functions on arrays and plain values; nothing is run, drawn or written."""
+"""Evaluate runs: pure functions on arrays and plain values, without side effects."""

@@ -1,11 +1,11 @@
-"""Which algorithm a sweep recommends: paired tests over the same drives, or an honest tie.
+"""Which algorithm a sweep recommends: paired tests over the same drives.
 
-Two algorithms are compared over the drives that both ran. Survival comes first: each drive votes
-for the run that held more levels, and McNemar's exact test weighs the votes. Accuracy is second:
-Wilcoxon's signed-rank test of the ratio of their errors over 1 s at the levels that both held, one
-mean log ratio for each drive, where the median ratio exceeds `SAME_ACCURACY`. The p-values of both
-tests, of all pairs that answer one question, are corrected together after Holm. An algorithm that
-loses a test is ruled out. Of the others the cheapest with the same accuracy is the one to take.
+Two algorithms are compared over the drives that both ran. The first test is survival: each drive
+votes for the run that held more levels, and McNemar's exact test evaluates the votes. The second
+is accuracy: Wilcoxon's signed-rank test of the ratio of the errors over 1 s at the levels that both
+held, one mean log ratio for each drive, if the median ratio exceeds `SAME_ACCURACY_RATIO`. Holm's
+method corrects the p-values of both tests, over all pairs of one question. An algorithm that loses
+a test is beaten. Among the others, the cheapest one with the same accuracy is recommended.
 """
 
 from __future__ import annotations
@@ -17,27 +17,26 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bench.judge import survival
-from bench.judge.statistics import Share, adjusted, mcnemar, wilcoxon
+from bench.judge.statistics import SIGNIFICANCE_LEVEL, Share, adjusted, mcnemar, wilcoxon
 from bench.judge.survival import Critical, Errors, Figures, Held
 from bench.results.sweep import CLEAN, Sweep
 
-SIGNIFICANT = 0.05
-SAME_ACCURACY = 1.25  # ratio of two errors; ours: no user chooses by a quarter of a millimeter
-LOST_LESS, MORE_ACCURATE = "lost less", "more accurate"  # why one beats another
+SAME_ACCURACY_RATIO = 1.25  # of two errors; ours: smaller differences do not matter to a user
+LOST_LESS, MORE_ACCURATE = "lost less", "more accurate"  # reasons of a win
 
-Beaten = dict[str, tuple[str, float, str]]  # rows: by whom, with which corrected p, why
+Beaten = dict[str, tuple[str, float, str]]  # by row: winner, corrected p-value, reason
 
 QUESTIONS = {
     "": "The programs to use: defaults",
     "paper": "The ideas: the papers' mechanisms alone (@paper)",
     "original": "The published programs (@original)",
 }
-ALL = "The rows of this sweep"
-EVERYTHING = "All degradations together"
-# what a reader has or meets, and the degradations that tell of it; every one stands once
+SINGLE_QUESTION = "The rows of this sweep"
+ALL_DEGRADATIONS = "All degradations together"
+# situations of a user, with their degradations; each degradation occurs once
 SITUATIONS = {
     "The drive as it is": (CLEAN,),
-    "A laser that sees little": (
+    "A laser that measures little": (
         *("beams", "fov", "range", "noise", "bias", "scale", "dropout", "quantization"),
         "poor_lidar",
     ),
@@ -53,7 +52,7 @@ SITUATIONS = {
 
 
 class Test(NamedTuple):
-    """One paired test in a cell (by its number): who wins over whom, why, with which p-value."""
+    """One paired test of a cell (by its number): winner, loser, reason and p-value."""
 
     cell: int
     winner: str
@@ -65,10 +64,9 @@ class Test(NamedTuple):
 class Cell(NamedTuple):
     """One answer: a degradation or several, with or without odometry, for the rows of a question.
 
-    `curves` and `critical` are there for a single degradation. `error_m` is the median error over
-    1 s of the runs at levels that every row held, by row, `cpu_s` that of their CPU per scan.
-    `beaten` rows are ruled out, each by whom, with which corrected p and why. `equal`: every run of
-    all rows held as many levels. `decidable`: so many drives can show a difference at all.
+    `curves` and `critical` exist for a single degradation. `error_m` is the median error over 1 s
+    by row, at the levels that every row held; `cpu_s` is the median CPU time per scan. `equal`: all
+    rows held the same levels in every drive. `decidable`: there are enough drives for significance.
     """
 
     question: str
@@ -88,7 +86,7 @@ class Cell(NamedTuple):
 
 
 class Analysis(NamedTuple):
-    """All that the tables, figures and sentences of a sweep are made from; `rows` by sensors."""
+    """The content of a sweep's tables, figures and sentences; `rows` by algorithm and sensors."""
 
     rows: list[tuple[str, bool, Figures]]
     cells: list[Cell]
@@ -96,14 +94,14 @@ class Analysis(NamedTuple):
 
 
 def analysis(sweep: Sweep) -> Analysis:
-    """Weigh all trials of a sweep."""
+    """Evaluate all trials of a sweep."""
     runners = list(dict.fromkeys((t["algorithm"], t["odometry"]) for t in sweep.trials))
     names = list(sweep.facts["levels"])
     single: dict[str, tuple[str, ...]] = {name: (name,) for name in names if name != CLEAN}
     present = {title: tuple(n for n in of if n in names) for title, of in SITUATIONS.items()}
     present = {f"{title} ({', '.join(of)})": of for title, of in present.items() if of}
     if len(set(present.values()) - {(CLEAN,)}) > 1:
-        present[EVERYTHING] = tuple(single)
+        present[ALL_DEGRADATIONS] = tuple(single)
     return Analysis(
         [(*key, survival.figures(sweep, *key)) for key in runners],
         _answers(sweep, single),
@@ -112,18 +110,18 @@ def analysis(sweep: Sweep) -> Analysis:
 
 
 def questions(algorithms: Iterable[str]) -> dict[str, list[str]]:
-    """The rows that compete with each other, by question; all together if any would be alone."""
+    """The rows that are compared with each other, by question; all if any would be alone."""
     found: dict[str, list[str]] = {}
     for label in algorithms:
         preset = label.partition("@")[2].partition(":")[0]
         found.setdefault(QUESTIONS.get(preset, QUESTIONS[""]), []).append(label)
     if any(len(rows) < 2 for rows in found.values()):
-        return {ALL: [label for rows in found.values() for label in rows]}
+        return {SINGLE_QUESTION: [label for rows in found.values() for label in rows]}
     return found
 
 
 def _answers(sweep: Sweep, parts: dict[str, tuple[str, ...]]) -> list[Cell]:
-    """A cell for each question, part and choice of sensors; p-values together by question."""
+    """A cell for each question, part and choice of sensors; p-values corrected by question."""
     found: list[Cell] = []
     modes = sorted({trial["odometry"] for trial in sweep.trials})
     labels = dict.fromkeys(trial["algorithm"] for trial in sweep.trials)
@@ -152,8 +150,8 @@ def _tests(cell: int, runs: dict[str, Held], errors: dict[str, Errors]) -> list[
         found.append(Test(cell, held_more, b if held_more == a else a, LOST_LESS, p))
         ratio, p_error = error_ratio(errors.get(a, {}), errors.get(b, {}))
         better, worse = (a, b) if ratio < 1.0 else (b, a)
-        if p < SIGNIFICANT and held_more == worse:
-            p_error = 1.0  # accuracy of the runs that survived does not make up for those lost
+        if p < SIGNIFICANCE_LEVEL and held_more == worse:
+            p_error = 1.0  # accuracy of the surviving runs does not outweigh the lost ones
         found.append(Test(cell, better, worse, MORE_ACCURATE, p_error))
     return found
 
@@ -161,8 +159,8 @@ def _tests(cell: int, runs: dict[str, Held], errors: dict[str, Errors]) -> list[
 def error_ratio(a: Errors, b: Errors) -> tuple[float, float]:
     """Median over the drives of a's error over b's, and the p-value of Wilcoxon's signed ranks.
 
-    A drive has the mean log ratio at the levels that both held. Within `SAME_ACCURACY` the p-value
-    is 1, which keeps Holm's correction valid.
+    Each drive gives the mean log ratio at the levels that both held. Within `SAME_ACCURACY_RATIO`
+    the p-value is 1, which keeps Holm's correction valid.
     """
     drives: dict[Any, list[float]] = {}
     for key in a.keys() & b.keys():
@@ -171,7 +169,7 @@ def error_ratio(a: Errors, b: Errors) -> tuple[float, float]:
         return 1.0, 1.0
     logs = np.array([np.mean(values) for values in drives.values()])
     ratio = float(np.exp(np.median(logs)))
-    if max(ratio, 1.0 / ratio) <= SAME_ACCURACY:
+    if max(ratio, 1.0 / ratio) <= SAME_ACCURACY_RATIO:
         return ratio, 1.0
     return ratio, wilcoxon(logs)
 
@@ -186,12 +184,12 @@ def _cell(
     beaten: Beaten,
     tests: int,
 ) -> Cell:
-    """An answer from the levels that each row's runs held and from the rows that are ruled out."""
+    """An answer from the levels that each row held and from the beaten rows."""
     levels = sweep.facts["levels"][names[0]] if len(names) == 1 else []
     curves = {row: survival.curve(of, len(levels)) for row, of in runs.items() if levels}
     errors, costs = _common(sweep, odometry, names, runs)
     drives = max(len(of) for of in runs.values())
-    # all of them were they to beat each other in a ring
+    # all rows, if they beat each other in a circle
     unbeaten = [row for row in runs if row not in beaten] or list(runs)
     return Cell(
         question,
@@ -207,14 +205,14 @@ def _cell(
         unbeaten,
         take=_take(errors, costs, unbeaten),
         equal=all(of == next(iter(runs.values())) for of in runs.values()),
-        decidable=tests * mcnemar(drives, 0) < SIGNIFICANT,
+        decidable=tests * mcnemar(drives, 0) < SIGNIFICANCE_LEVEL,
     )
 
 
 def _common(
     sweep: Sweep, odometry: bool, names: tuple[str, ...], runs: dict[str, Held]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Median error over 1 s and CPU per scan at the levels that all held, of rows that hold any."""
+    """Median error over 1 s and CPU per scan at the levels that all rows held, by row."""
     rows = [row for row, of in runs.items() if any(of.values())]
     at: dict[Any, dict[str, tuple[float, float]]] = {}
     for trial, cost in zip(sweep.trials, sweep.costs, strict=True):
@@ -232,19 +230,21 @@ def _common(
 
 
 def _beaten(cells: int, tests: Sequence[Test]) -> list[Beaten]:
-    """Who is ruled out in each cell of a question; survival rules out before accuracy does."""
+    """The beaten rows of each cell of a question; survival comes before accuracy."""
     found: list[Beaten] = [{} for _ in range(cells)]
     both = zip(tests, adjusted([test.p for test in tests]), strict=True)
     for test, p in sorted(both, key=lambda one: (one[0].reason == MORE_ACCURATE, one[1])):
-        if p < SIGNIFICANT:
+        if p < SIGNIFICANCE_LEVEL:
             found[test.cell].setdefault(test.loser, (test.winner, p, test.reason))
     return found
 
 
 def _take(error_m: dict[str, float], cpu_s: dict[str, float], unbeaten: list[str]) -> str:
-    """The cheapest of the unbeaten rows with the same accuracy; the first if none is known."""
+    """The cheapest unbeaten row with the same accuracy; the first if no error is known."""
     errors = {row: error_m[row] for row in unbeaten if row in error_m}
     if not errors:
         return unbeaten[0]
-    same = [row for row, error in errors.items() if error <= SAME_ACCURACY * min(errors.values())]
+    same = [
+        row for row, error in errors.items() if error <= SAME_ACCURACY_RATIO * min(errors.values())
+    ]
     return min(same, key=lambda row: cpu_s[row])

@@ -1,4 +1,4 @@
-"""A comparison weighed: maps against the true one, verdicts on each log and over all of them."""
+"""Evaluation of a comparison: map quality, tests on each log and over all logs."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ if TYPE_CHECKING:
     from bench.results import Outcome
 
 
-def weighed(logs: list[LogResult], facts: Line) -> Comparison:
-    """Everything that follows from the runs; computed before anything is written."""
-    judged = [_weighed_log(log) for log in logs]
+def evaluated(logs: list[LogResult], facts: Line) -> Comparison:
+    """Evaluate all runs before anything is written."""
+    judged = [_evaluated_log(log) for log in logs]
     every = [outcome for log in judged for outcome in log.outcomes]
     return Comparison(facts, judged, verdicts.over_logs(every) if len(judged) > 1 else [])
 
 
-def _weighed_log(log: LogResult) -> LogResult:
+def _evaluated_log(log: LogResult) -> LogResult:
     found: Line = {
         "verdicts": verdicts.on_one_log(log.outcomes),
         "notes": [*log.entry["notes"], *_notes(log)],
     }
-    # baselines are no witnesses of how far a run is from the others
-    witnesses = [o for o in log.outcomes if len(o.t) and o.row["algorithm"] not in BASELINES]
-    apart = disagreements([(o.t, o.poses) for o in witnesses])
-    known = dict(zip(map(id, witnesses), apart, strict=True))
+    # baselines do not count as the other runs of a disagreement
+    others = [o for o in log.outcomes if len(o.t) and o.row["algorithm"] not in BASELINES]
+    distances = disagreements([(o.t, o.poses) for o in others])
+    known = dict(zip(map(id, others), distances, strict=True))
     outcomes = []
     for one in log.outcomes:
         more: Row = {"disagreement_m": known.get(id(one)), "map": _map_quality(one, log.reference)}
@@ -38,7 +38,7 @@ def _weighed_log(log: LogResult) -> LogResult:
 
 
 def _map_quality(outcome: Outcome, reference: Reference) -> dict[str, float | None] | None:
-    """The run's map against the true one, brought into the world by the true first pose."""
+    """Quality of the run's map; the true first pose transforms it into the world frame."""
     if outcome.grid is None or reference.grid is None or reference.start is None:
         return None
     T_world_map = reference.start @ outcome.frame.inverse()
@@ -46,7 +46,7 @@ def _map_quality(outcome: Outcome, reference: Reference) -> dict[str, float | No
 
 
 def _notes(log: LogResult) -> list[str]:
-    """What the user ought to know of relations that matched nothing."""
+    """A warning if relations have no stamps in the log."""
     found = [row["relations"] for row in log.rows if row.get("relations")]
     if not found:
         return []

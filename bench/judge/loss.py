@@ -1,4 +1,4 @@
-"""Failure is a result: whether a run was lost, when, how far it had come, whether it said so."""
+"""Whether a run was lost, when, after which distance, and whether it reported the loss."""
 
 from __future__ import annotations
 
@@ -11,49 +11,50 @@ from bench.judge.metrics import Common, RelationErrors
 from slams.metrics import driven
 from slams.types import Floats, wrap_angle
 
-LIMIT_M = 0.5  # a pose further off is lost; a robot of that size runs into a wall
-LIMIT_RAD = 0.3
-PATIENCE = 1.0  # s in which a loss has to be said, and a pose has to hold to count as right again
-BROKEN_SHARE = 0.05  # of the relations that may be off by LIMIT_M or LIMIT_RAD
-REPORTED_SHARE = 0.05  # of the scans that the algorithm itself may report as lost
+MAX_POSITION_ERROR = 0.5  # m; with a larger error a robot of this size runs into a wall
+MAX_HEADING_ERROR = 0.3  # rad
+LOSS_REPORT_TIME = 1.0  # s to report a loss; a recovered pose has to hold as long
+MAX_BROKEN_SHARE = 0.05  # of the relations beyond these limits
+MAX_REPORTED_SHARE = 0.05  # of the scans that the algorithm itself reports as lost
 
 Flags = NDArray[np.bool_]
 
 
 def beyond(common: Common) -> Flags:
-    """Where (n,) the pose is further off than the limits, in the frame of the first."""
-    off = np.hypot(*(common.estimate - common.truth)[:, :2].T)
-    turned = np.abs(wrap_angle(common.estimate[:, 2] - common.truth[:, 2]))
-    return np.asarray((off > LIMIT_M) | (turned > LIMIT_RAD))
+    """Where (n,) the pose error exceeds the limits, in the frame of the first pose."""
+    position_error = np.hypot(*(common.estimate - common.truth)[:, :2].T)
+    heading_error = np.abs(wrap_angle(common.estimate[:, 2] - common.truth[:, 2]))
+    return np.asarray((position_error > MAX_POSITION_ERROR) | (heading_error > MAX_HEADING_ERROR))
 
 
 def by_truth(common: Common) -> dict[str, Any]:
-    """When the pose first was off by more than the limits, and for which share it was not.
+    """When the pose error first exceeded the limits, and the share of poses within them.
 
-    `at_s` from the log's first truth on and `after_m` of the true path; None if it never was.
-    `completed` is the share of the poses within the limits: a lost run may come back.
+    `at_s` is the time since the log's first true pose, `after_m` the true path length; None if it
+    never did. `completed` is the share of poses within the limits: a lost run may recover.
     """
     t = common.t - common.t.min()
     return _verdict(beyond(common), t, driven(common.truth))
 
 
 def words() -> str:
-    """The definition in words."""
-    return f"off by more than {LIMIT_M:g} m or {LIMIT_RAD:g} rad anywhere"
+    """The definition of a lost run in words."""
+    return f"off by more than {MAX_POSITION_ERROR:g} m or {MAX_HEADING_ERROR:g} rad anywhere"
 
 
 def by_relations(errors: RelationErrors, start: float) -> dict[str, Any]:
-    """As `by_truth`, by relations off by the limits; a few broken ones are no lost run."""
-    off = np.logical_or(errors.translation > LIMIT_M, errors.rotation > LIMIT_RAD)
+    """As `by_truth`, by relations beyond the limits; a few of them are no lost run."""
+    too_far = errors.translation > MAX_POSITION_ERROR
+    off = np.logical_or(too_far, errors.rotation > MAX_HEADING_ERROR)
     order = np.argsort(errors.t, kind="stable")
     verdict = _verdict(off[order], errors.t[order] - start, None)
-    return verdict | {"lost": bool(off.mean() > BROKEN_SHARE), "broken": int(off.sum())}
+    return verdict | {"lost": bool(off.mean() > MAX_BROKEN_SHARE), "broken": int(off.sum())}
 
 
 def by_report(report: dict[str, Any], scans: int) -> dict[str, Any]:
-    """What the algorithm reports: its count of scans at which it was lost."""
+    """Whether a run was lost by its own report: its number of lost scans."""
     count = int(report.get("lost", 0))
-    return {"lost": count > REPORTED_SHARE * scans, "scans": count}
+    return {"lost": count > MAX_REPORTED_SHARE * scans, "scans": count}
 
 
 def _verdict(off: Flags, t: Floats, reached: Floats | None) -> dict[str, Any]:
@@ -68,12 +69,12 @@ def _verdict(off: Flags, t: Floats, reached: Floats | None) -> dict[str, Any]:
 
 
 class Alarms(NamedTuple):
-    """What was said of the loss episodes of a run.
+    """How a run reported its loss episodes.
 
     An episode begins where the pose leaves the limits, and ends where it is within them again for
-    `PATIENCE`. So many were said `in_time`: within `PATIENCE` of the beginning, or right before.
-    Of `right` scans outside of all episodes, and not right before one, `false` were reported lost.
-    `right_again`: the pose was within the limits at the end; None if it never left them.
+    `LOSS_REPORT_TIME`. `in_time` episodes were reported within this time before or after the
+    beginning. Of `right` scans outside of all episodes, and not just before one, `false` were
+    reported lost. `right_again`: within the limits at the end; None if it never left them.
     """
 
     episodes: int
@@ -83,36 +84,36 @@ class Alarms(NamedTuple):
     right_again: bool | None
 
 
-def alarms(says_lost: Flags, t: Floats, off: Flags) -> Alarms:
-    """Judge what a run said of itself.
+def alarms(reported_lost: Flags, t: Floats, off: Flags) -> Alarms:
+    """Compare the reported losses of a run with the true ones.
 
     Args:
-        says_lost: the scans (n,) that the algorithm reported lost.
-        t: their stamps (n,) [s]; where they jump back the clock is taken to stand still.
-        off: where the pose was of no use (n,), as by `beyond`.
+        reported_lost: the scans (n,) that the algorithm reported lost.
+        t: their stamps (n,) [s]; while they jump back, the clock stands still.
+        off: where (n,) the pose was beyond the limits, as by `beyond`.
     """
     clock = np.maximum.accumulate(t)
     found, in_time, right = _episodes(clock, off), 0, np.ones(len(clock), bool)
     for first, after in found:
-        near = np.abs(clock[:after] - clock[first]) <= PATIENCE
-        in_time += int(says_lost[:after][near].any())
+        near = np.abs(clock[:after] - clock[first]) <= LOSS_REPORT_TIME
+        in_time += int(reported_lost[:after][near].any())
         right[first:after] = False
-        right[:first] &= clock[:first] < clock[first] - PATIENCE  # right before it is a warning
+        right[:first] &= clock[:first] < clock[first] - LOSS_REPORT_TIME  # an early warning
     return Alarms(
         episodes=len(found),
         in_time=in_time,
         right=int(right.sum()),
-        false=int((right & says_lost).sum()),
-        right_again=not off[clock >= clock[-1] - PATIENCE].any() if found else None,
+        false=int((right & reported_lost).sum()),
+        right_again=not off[clock >= clock[-1] - LOSS_REPORT_TIME].any() if found else None,
     )
 
 
 def _episodes(clock: Floats, off: Flags) -> list[tuple[int, int]]:
-    """First scan of each episode and the one behind its last that was off."""
+    """First scan of each episode, and the scan after its last one."""
     edges = np.flatnonzero(np.diff(off, prepend=False, append=False))
     found: list[tuple[int, int]] = []
     for first, after in edges.reshape(-1, 2).tolist():
-        if found and clock[first] - clock[found[-1][1]] < PATIENCE:
+        if found and clock[first] - clock[found[-1][1]] < LOSS_REPORT_TIME:
             first = found.pop()[0]
         found.append((first, after))
     return found

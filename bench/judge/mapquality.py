@@ -1,11 +1,10 @@
-"""How good a map is: the occupancy grid of a run against the true one.
+"""Map quality: the occupancy grid of a run compared with the true one.
 
-The run's map is brought into the true map's frame by one rigid motion: by definition the true base
-pose of the first scan, so that drift counts against the map. A cell is occupied above a probability
-of 0.5 and free below; nan and 0.5 are unknown, and unknown is never free. Measures that compare
-cells do so in the run's grid: there a cell is truly occupied when a part of it is (walls may be
-thinner than a cell), else truly free when a part of it is. Distances are between the centers of
-occupied cells and need no common grid.
+The true base pose of the first scan transforms the run's map into the true map's frame, so that
+drift counts against the map. A cell is occupied above a probability of 0.5 and free below; nan and
+0.5 are unknown, and unknown is never free. Cells are compared in the run's grid: a cell is truly
+occupied if any part of it is (walls may be thinner than a cell), else truly free if any part of it
+is. Distances are between the centers of occupied cells and need no common grid.
 """
 
 from __future__ import annotations
@@ -23,21 +22,21 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import Laser
 
-POSES = 2000  # of a log that the world is looked at from, evenly spread
-FINE = 256  # parts of a cell in which outlines are drawn
-FEWEST_WALLS = 100  # occupied cells that a statement about walls takes
-FEWEST_CELLS = 1000  # known cells that a statement about areas takes
-LEAST_SHARE = 0.1  # of the true map that a run must know to be judged by it
+MAX_VIEWPOINTS = 2000  # scans that make the true map, evenly spread
+SUBCELLS_PER_CELL = 256  # resolution of the drawn outlines
+MIN_WALL_CELLS = 100  # occupied cells, for a measure of walls
+MIN_KNOWN_CELLS = 1000  # known cells, for a measure of areas
+MIN_KNOWN_SHARE = 0.1  # of the true map, known by the run, to compare both
 
 Mask = NDArray[np.bool_]
 
 
-def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
-    """What a perfect mapper could know of a simulated log's world; None when not simulated.
+def truth_map(log: ScanLog, max_viewpoints: int = MAX_VIEWPOINTS) -> OccupancyGrid | None:
+    """The map of a perfect mapper in a simulated world; None when the log is not simulated.
 
-    Free are the free cells that lie within the outline of a scan seen from a true pose (every k-th
-    scan, at most `most`), exact ranges up to the laser's limit. Occupied are the walls' cells that
-    share an edge with one of these. All else is unknown: rooms never looked into, insides of walls.
+    Free cells lie within the outline of an exact scan from a true pose (every k-th scan, at most
+    `max_viewpoints`), up to the laser's maximum range. Occupied cells are cells of walls that share
+    an edge with a free one. All others are unknown: unobserved rooms, insides of walls.
     """
     from scipy.ndimage import binary_dilation
 
@@ -47,9 +46,9 @@ def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
     world = world_of(log)
     if world is None or log.truth is None:
         return None
-    poses = true_poses(log, log.t[:: max(1, math.ceil(len(log) / most))])
+    poses = true_poses(log, log.t[:: max(1, math.ceil(len(log) / max_viewpoints))])
     poses = poses[np.isfinite(poses).all(axis=tuple(range(1, poses.ndim)))]
-    free = _looked_at(world, log.laser, poses) & world.free
+    free = _observed(world, log.laser, poses) & world.free
     walls = world.occupied & binary_dilation(free)  # over the edges of cells
     p = np.full(free.shape, np.nan, np.float32)
     p[free], p[walls] = 0.0, 1.0
@@ -59,20 +58,20 @@ def truth_map(log: ScanLog, most: int = POSES) -> OccupancyGrid | None:
 def compare(
     grid: OccupancyGrid, truth: OccupancyGrid, T_world_map: Pose2
 ) -> dict[str, float | None]:
-    """Every measure of a run's map; None where it would mean nothing.
+    """All measures of a run's map; None where a measure is not meaningful.
 
     - iou: cells occupied in both over cells occupied in either, of those known in both.
     - adnn_to_truth: average distance [m] from an occupied cell to the nearest true wall: accuracy.
     - adnn_from_truth: average distance [m] from a true wall to the nearest occupied cell:
-      completeness. Where cells of 0.05 m meet true ones of 0.02 m, either is 0.01 to 0.02 at best.
+      completeness. With cells of 0.05 m and true cells of 0.02 m, the best value is 0.01 to 0.02.
     - wall_thickness: area of the walls over half of their outline [m].
-    - true_wall_thickness: of the true walls in the run's grid, what a perfect map would have.
-    - coverage: share of the cells known in the true map that the run's map knows.
+    - true_wall_thickness: the same of the true walls in the run's grid.
+    - coverage: share of the true map's known cells that are known in the run's map.
 
     Args:
         grid: the run's map.
-        truth: the true map, nan where no scan could tell.
-        T_world_map: the frame of the run's map in that of the true one.
+        truth: the true map, nan where no scan observes a cell.
+        T_world_map: pose of the run's map frame in the true map's frame.
     """
     window = true_window(truth, grid, T_world_map)
     here, there = cut(grid, window), resampled(truth, grid, T_world_map, window)
@@ -80,8 +79,8 @@ def compare(
     walls = cells_of(grid.p).occupied
     cells, true_cells = int(known.sum()), int(there.known.sum())
     iou, to_truth, from_truth = None, None, None
-    enough_walls = min(walls.sum(), there.occupied.sum()) >= FEWEST_WALLS
-    if enough_walls and cells >= LEAST_SHARE * true_cells:
+    enough_walls = min(walls.sum(), there.occupied.sum()) >= MIN_WALL_CELLS
+    if enough_walls and cells >= MIN_KNOWN_SHARE * true_cells:
         both = int((here.occupied & there.occupied).sum())
         either = int(((here.occupied | there.occupied) & known).sum())
         iou = both / either if either else None
@@ -92,24 +91,24 @@ def compare(
         "adnn_from_truth": from_truth,
         "wall_thickness": thickness(walls, grid.resolution),
         "true_wall_thickness": thickness(there.occupied, grid.resolution),
-        "coverage": cells / true_cells if true_cells >= FEWEST_CELLS else None,
+        "coverage": cells / true_cells if true_cells >= MIN_KNOWN_CELLS else None,
     }
 
 
 class Cells(NamedTuple):
-    """What is known of the cells (ny, nx) of a grid."""
+    """Occupied and free cells (ny, nx) of a grid."""
 
     occupied: Mask
     free: Mask
 
     @property
     def known(self) -> Mask:
-        """Cells of which something is known."""
+        """Cells that are occupied or free."""
         return self.occupied | self.free
 
 
 class Window(NamedTuple):
-    """The part of a grid, or around it, from cell [iy, ix] on."""
+    """A rectangle of cells from [iy, ix] on, inside or beyond a grid."""
 
     iy: int
     ix: int
@@ -118,7 +117,7 @@ class Window(NamedTuple):
 
     @property
     def indices(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Of its rows and columns in the grid."""
+        """Indices of its rows and columns in the grid."""
         return self.iy + np.arange(self.ny), self.ix + np.arange(self.nx)
 
 
@@ -135,7 +134,7 @@ def centers(grid: OccupancyGrid, mask: Mask) -> Floats:
 
 
 def true_window(truth: OccupancyGrid, grid: OccupancyGrid, T_world_map: Pose2) -> Window:
-    """The part of the run's grid that holds all that the true map knows; never empty."""
+    """The part of the run's grid that contains all known cells of the true map; never empty."""
     known = T_world_map.inverse().transform(centers(truth, cells_of(truth.p).known))
     if not len(known):
         return Window(0, 0, 1, 1)
@@ -146,7 +145,7 @@ def true_window(truth: OccupancyGrid, grid: OccupancyGrid, T_world_map: Pose2) -
 
 
 def cut(grid: OccupancyGrid, window: Window) -> Cells:
-    """The run's own cells of a window, unknown beyond its edges."""
+    """The run's cells in a window, unknown beyond the edges of the grid."""
     (ny, nx), iy, ix = grid.p.shape, *window.indices
     inside = ((iy >= 0) & (iy < ny))[:, None] & (ix >= 0) & (ix < nx)
     p = grid.p[np.clip(iy, 0, ny - 1)[:, None], np.clip(ix, 0, nx - 1)]
@@ -156,7 +155,7 @@ def cut(grid: OccupancyGrid, window: Window) -> Cells:
 def resampled(
     truth: OccupancyGrid, grid: OccupancyGrid, T_world_map: Pose2, window: Window
 ) -> Cells:
-    """The true map in the run's grid, looked up at points half a true cell apart or closer."""
+    """The true map in the run's grid, sampled at most half a true cell apart."""
     true = cells_of(truth.p)
     ny, nx = truth.p.shape
     parts = max(1, math.ceil(2.0 * grid.resolution / truth.resolution))
@@ -178,7 +177,7 @@ def resampled(
 
 
 def distances(grid: OccupancyGrid, truth: OccupancyGrid, T_world_map: Pose2) -> tuple[float, float]:
-    """Mean from each occupied cell to the nearest true one, and back [m]; both maps have walls."""
+    """Mean distance [m] from occupied cells to the nearest true ones, and back."""
     from scipy.spatial import KDTree
 
     here = T_world_map.transform(centers(grid, cells_of(grid.p).occupied))
@@ -188,13 +187,13 @@ def distances(grid: OccupancyGrid, truth: OccupancyGrid, T_world_map: Pose2) -> 
 
 
 def thickness(occupied: Mask, resolution: float) -> float | None:
-    """Area over half the outline, the latter by Cauchy and Crofton from four directions.
+    """Mean wall thickness [m]: area over half the outline, by Cauchy and Crofton's formula.
 
-    Lines along rows, columns and diagonals meet the walls so many times; the factor makes long
-    walls along the grid exact, and leaves slanted ones up to 8 % too thin.
+    The outline follows from the intersections with lines along rows, columns and diagonals. The
+    factor makes long walls along the grid exact; slanted walls become up to 8 % too thin.
     """
     cells = int(occupied.sum())
-    if cells < FEWEST_WALLS:
+    if cells < MIN_WALL_CELLS:
         return None
     padded = np.pad(occupied, 1)
     inner = padded[1:-1, 1:-1]
@@ -204,17 +203,18 @@ def thickness(occupied: Mask, resolution: float) -> float | None:
     return resolution * cells / float(half_outline)
 
 
-def _looked_at(world: World, laser: Laser, poses: Floats) -> Mask:
+def _observed(world: World, laser: Laser, poses: Floats) -> Mask:
     """Cells inside the outline of an exact scan from one of the poses (n, 3) or (n, b, 3)."""
     import cv2
 
     from bench.sim.rays import ends_of, rays_of
 
-    seen = np.zeros(world.occupied.shape, np.uint8)
+    observed = np.zeros(world.occupied.shape, np.uint8)
     for k in range(len(poses)):
         (rays,) = rays_of(laser, poses[k : k + 1])
         reach = np.minimum(world.cast(rays), laser.range_max)
         corners = np.vstack([rays[:1, :2], ends_of(rays, reach)])
         outline = (corners - np.array(world.origin)) / world.resolution - 0.5
-        cv2.fillPoly(seen, [np.round(FINE * outline).astype(np.int32)], 1, 8, FINE.bit_length() - 1)
-    return seen.astype(bool)
+        corners_fixed = np.round(SUBCELLS_PER_CELL * outline).astype(np.int32)
+        cv2.fillPoly(observed, [corners_fixed], 1, 8, SUBCELLS_PER_CELL.bit_length() - 1)
+    return observed.astype(bool)

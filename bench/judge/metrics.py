@@ -1,4 +1,4 @@
-"""The errors the benchmark reports: pure functions on poses (n, 3) of x, y [m], theta [rad]."""
+"""Pose errors: pure functions on poses (n, 3) of x, y [m], theta [rad]."""
 
 from __future__ import annotations
 
@@ -13,21 +13,19 @@ from slams.types import Floats, wrap_angle
 if TYPE_CHECKING:
     from slams.scanlog import ScanLog
 
-TRANSLATION_CLASS = 0.025  # m, [Kuehn] Fig. 2
-ORIENTATION_CLASS = 0.05  # rad, [Kuehn] Fig. 3
-LOOP = 20.0  # s, relations between stamps further apart are loops; the files do not tell
-
-
-# the paper's rate of updates differs from program to program: time and way do not
-TIMES = {"update": 0.0, "0.1 s": 0.1, "1 s": 1.0, "10 s": 10.0}  # s
-WAYS = {"1 m": 1.0}  # m of the true path
-SPANS = (*TIMES, *WAYS)
+TRANSLATION_CLASS_WIDTH = 0.025  # m, [Kuehn] Fig. 2
+ORIENTATION_CLASS_WIDTH = 0.05  # rad, [Kuehn] Fig. 3
+MIN_LOOP_TIME = 20.0  # s between the stamps of a relation that closes a loop
+# update rates differ between programs; errors over times and distances can be compared
+TIME_SPANS = {"update": 0.0, "0.1 s": 0.1, "1 s": 1.0, "10 s": 10.0}  # s
+PATH_SPANS = {"1 m": 1.0}  # m of the true path
+SPANS = (*TIME_SPANS, *PATH_SPANS)
 
 
 class Common(NamedTuple):
-    """Poses that have a truth, both trajectories (n, 3) seen from the first of them.
+    """Poses with ground truth, both trajectories (n, 3) in the frame of their first pose.
 
-    `t` (n,) [s]; `dropped` poses lie outside the truth, which is never extrapolated.
+    `t` (n,) [s]; `dropped` poses lie outside the ground truth, which is never extrapolated.
     """
 
     t: Floats
@@ -39,9 +37,9 @@ class Common(NamedTuple):
 class SpanErrors(NamedTuple):
     """Errors of the motion over one span, one value per pair of poses, (k,) each.
 
-    `t` [s] stamp of the pair's second pose; `translation` [m] and `orientation` [rad] are the
-    paper's differences of components in the common frame; `se2_translation` [m] is that of the
-    motion seen from its own start. A turn's error is the same in both.
+    `t` [s] is the stamp of the pair's second pose. `translation` [m] and `orientation` [rad] are
+    the paper's differences of components in the common frame, `se2_translation` [m] is the error of
+    the relative motion. The orientation error is the same for both.
     """
 
     t: Floats
@@ -51,7 +49,7 @@ class SpanErrors(NamedTuple):
 
 
 def common(t: Floats, estimate: Floats, truth: Floats) -> Common:
-    """Make frames common by the first pose with a truth; truth (n, 3) has rows of nan for none."""
+    """Align both frames at the first pose with ground truth; truth (n, 3) is nan where missing."""
     covered = ~np.isnan(truth[:, 0])
     dropped = len(t) - int(covered.sum())
     if dropped == len(t):
@@ -60,7 +58,7 @@ def common(t: Floats, estimate: Floats, truth: Floats) -> Common:
 
 
 def common_with(log: ScanLog, t: Floats, estimate: Floats) -> Common | None:
-    """Poses (n, 3) at stamps (n,) beside the truth of a log; None with fewer than two in common."""
+    """Poses (n, 3) at stamps (n,) with the log's ground truth; None for fewer than two poses."""
     truth = log.truth_at(t)
     found = None if truth is None else common(t, estimate, truth)
     return None if found is None or len(found.t) < 2 else found
@@ -71,27 +69,27 @@ def component_errors(
 ) -> tuple[Floats, Floats]:
     """[Kuehn] eq. 1-3: eps = |dg - dp| with dp = p[first] - p[second] and dg likewise.
 
-    Translation (k,) [m] and orientation (k,) [rad] apart, in the frame both trajectories share.
+    Translation (k,) [m] and orientation (k,) [rad] in the common frame.
     """
     dp, dg = estimate[first] - estimate[second], truth[first] - truth[second]
     translation: Floats = np.hypot(dg[:, 0] - dp[:, 0], dg[:, 1] - dp[:, 1])
     return translation, np.abs(wrap_angle(dg[:, 2] - dp[:, 2]))
 
 
-def pairs_over_way(poses: Floats, way: float) -> tuple[Indices, Indices]:
-    """Indices (k,), (k,) of each pose and the first at least `way` meters further on the path."""
-    reached = driven(poses)
-    partner = np.searchsorted(reached, reached + way)
+def pairs_over_path(poses: Floats, distance: float) -> tuple[Indices, Indices]:
+    """Indices (k,), (k,) of each pose and the first pose at least `distance` [m] later."""
+    length = driven(poses)
+    partner = np.searchsorted(length, length + distance)
     found = np.flatnonzero(partner < len(poses))
     return found, partner[found]
 
 
 def span_errors(common: Common, span: str) -> SpanErrors | None:
-    """All errors over one of `SPANS`; None where no two poses are that far apart."""
-    if span in WAYS:
-        first, second = pairs_over_way(common.truth, WAYS[span])
+    """All errors over one of `SPANS`; None if no two poses are so far apart."""
+    if span in PATH_SPANS:
+        first, second = pairs_over_path(common.truth, PATH_SPANS[span])
     else:
-        first, second = pairs_over_time(common.t, TIMES[span])
+        first, second = pairs_over_time(common.t, TIME_SPANS[span])
     if not len(first):
         return None
     paper = component_errors(common.estimate, common.truth, first, second)
@@ -100,13 +98,13 @@ def span_errors(common: Common, span: str) -> SpanErrors | None:
 
 
 def errors_over_spans(common: Common) -> dict[str, SpanErrors]:
-    """The errors over every span of `SPANS` that the poses have, by its name."""
+    """The errors over each of `SPANS`, by its name, if the poses have it."""
     found = {span: span_errors(common, span) for span in SPANS}
     return {name: errors for name, errors in found.items() if errors is not None}
 
 
 class RelationErrors(NamedTuple):
-    """Errors of the relations used, of `given` ones, (k,) each [m], [rad]; `loop`: far stamps."""
+    """Errors (k,) [m], [rad] of the relations used, out of `given` ones; `loop`: loop closures."""
 
     t: Floats
     translation: Floats
@@ -124,7 +122,7 @@ def relation_errors(
         t: stamps (n,) [s]; they may jump back.
         poses: poses (n, 3) at the stamps.
         relations: rows t1 t2 x y theta (k, 5).
-        tolerance: how far a stamp may be from a relation's [s]; others are left out.
+        tolerance: maximum difference of stamps [s]; other relations are left out.
     """
     first, found_first = _nearest(t, relations[:, 0], tolerance)
     second, found_second = _nearest(t, relations[:, 1], tolerance)
@@ -136,13 +134,13 @@ def relation_errors(
         stamps.max(axis=1),
         np.hypot(error[:, 0], error[:, 1]),
         np.abs(error[:, 2]),
-        np.abs(stamps[:, 1] - stamps[:, 0]) > LOOP,
+        np.abs(stamps[:, 1] - stamps[:, 0]) > MIN_LOOP_TIME,
         len(relations),
     )
 
 
 def class_shares(values: Floats, width: float, classes: int) -> Floats:
-    """Share of the values in each class [k width, (k + 1) width); the last also holds the rest."""
+    """Share of the values in each class [k width, (k + 1) width); larger ones in the last."""
     index = np.minimum(np.floor(values / width).astype(np.int64), classes - 1)
     shares: Floats = np.bincount(index, minlength=classes) / max(len(values), 1)
     return shares

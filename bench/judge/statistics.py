@@ -1,7 +1,7 @@
-"""How sure a difference of two errors is: paired tests, Holm's correction, one sentence in words.
+"""Significance of differences: paired tests, Holm's correction, a sentence for the result.
 
-Errors of one drive, which are autocorrelated, get Student's t with the deviation of
-`bench.judge.autocorrelation`, drives that are independent Wilcoxon's and McNemar's tests, shares
+Errors of one drive are autocorrelated: Student's t with the deviation of
+`bench.judge.autocorrelation`. Independent drives: the tests of Wilcoxon and McNemar. Shares:
 Wilson's interval.
 """
 
@@ -16,11 +16,12 @@ import numpy as np
 from bench.judge import autocorrelation
 from slams.types import Floats
 
-LEVEL = 0.95  # of the intervals
+CONFIDENCE_LEVEL = 0.95  # of the intervals
+SIGNIFICANCE_LEVEL = 0.05  # of the tests
 
 
 class Paired(NamedTuple):
-    """A mean difference a - b of `n` pairs with its interval, how likely chance alone makes it."""
+    """The mean difference a - b of `n` pairs, its interval and its p-value."""
 
     difference: float
     low: float
@@ -44,8 +45,8 @@ class Share(NamedTuple):
 def wilson(k: int, n: int, confidence: float = 0.95) -> Share:
     """The share of `k` successes in `n` independent trials with Wilson's interval (1927).
 
-    Unlike the usual one it is right for few trials and shares of 0 and 1. No trial tells nothing:
-    0 to 1.
+    Unlike the normal approximation it holds for few trials and for shares of 0 and 1. Without any
+    trial it is 0 to 1.
     """
     from scipy.stats import binomtest
 
@@ -56,11 +57,11 @@ def wilson(k: int, n: int, confidence: float = 0.95) -> Share:
 
 
 def mcnemar(only_a: int, only_b: int) -> float:
-    """The p-value, of both sides, of McNemar's exact test (1947) of two shares over the same runs.
+    """The two-sided p-value of McNemar's exact test (1947) of two shares over the same runs.
 
     Args:
         only_a: runs that only a survived.
-        only_b: runs that only b survived; those that both did, or neither, tell nothing.
+        only_b: runs that only b survived; runs that both or neither survived have no effect.
     """
     from scipy.stats import binomtest
 
@@ -68,18 +69,18 @@ def mcnemar(only_a: int, only_b: int) -> float:
     return float(binomtest(only_a, discordant).pvalue) if discordant else 1.0
 
 
-def paired(a: Floats, b: Floats, level: float = LEVEL) -> Paired:
+def paired(a: Floats, b: Floats, level: float = CONFIDENCE_LEVEL) -> Paired:
     """The mean difference a - b of two error series (n,) at the same times.
 
-    Interval and p-value, of both sides, are Student's. Pairs with a value that is not finite are
-    left out.
+    Interval and two-sided p-value are Student's. Pairs with a value that is not finite are left
+    out.
     """
     from scipy.special import stdtr
 
     differences = _differences(a, b)
     n = len(differences)
-    if n < autocorrelation.FEWEST:
-        return _unsure(differences)
+    if n < autocorrelation.MIN_SAMPLES:
+        return _untested(differences)
     mean, deviation, blocks = autocorrelation.mean_of(differences)
     if deviation == 0.0:
         return Paired(mean, mean, mean, 0.0 if mean else 1.0, n)
@@ -87,7 +88,7 @@ def paired(a: Floats, b: Floats, level: float = LEVEL) -> Paired:
     return Paired(*_student(mean, deviation, blocks, level), p_value, n)
 
 
-def paired_over_runs(a: Floats, b: Floats, level: float = LEVEL) -> Paired:
+def paired_over_runs(a: Floats, b: Floats, level: float = CONFIDENCE_LEVEL) -> Paired:
     """The mean difference a - b over independent runs (n,): one number per seed or log, n >= 2.
 
     The interval is Student's, the p-value that of `wilcoxon`; it cannot be less than 2^(1 - n).
@@ -95,7 +96,7 @@ def paired_over_runs(a: Floats, b: Floats, level: float = LEVEL) -> Paired:
     differences = _differences(a, b)
     n = len(differences)
     if n < 2:
-        return _unsure(differences)
+        return _untested(differences)
     mean, deviation = float(differences.mean()), float(differences.std(ddof=1)) / math.sqrt(n)
     return Paired(*_student(mean, deviation, n, level), wilcoxon(differences), n)
 
@@ -108,14 +109,14 @@ def _student(mean: float, deviation: float, n: int, level: float) -> tuple[float
     return mean, mean - half, mean + half
 
 
-def _unsure(differences: Floats) -> Paired:
-    """Of too few values: their mean alone."""
+def _untested(differences: Floats) -> Paired:
+    """The mean of too few values, without interval and p-value."""
     mean = float(differences.mean()) if len(differences) else math.nan
     return Paired(mean, math.nan, math.nan, math.nan, len(differences))
 
 
 def wilcoxon(differences: Floats) -> float:
-    """The p-value, of both sides, of Wilcoxon's signed-rank test (1945) of the pairs (n,)."""
+    """The two-sided p-value of Wilcoxon's signed-rank test (1945) of the pairs (n,)."""
     from scipy import stats
 
     return float(stats.wilcoxon(differences).pvalue) if np.any(differences) else 1.0
@@ -124,8 +125,8 @@ def wilcoxon(differences: Floats) -> float:
 def adjusted(p_values: Sequence[float]) -> list[float]:
     """The p-values of several tests after Holm (1979), in the order given; nan stays nan.
 
-    Holm's, not a false discovery rate, as every pair gets a sentence that is read alone: the chance
-    of even one wrong sentence stays below the level, however the tests depend on each other.
+    Holm's correction, not a false discovery rate, because each pair has its own sentence: the
+    probability of any wrong sentence stays below the level for any dependence of the tests.
     """
     p = np.asarray(p_values, np.float64)
     tested = np.flatnonzero(~np.isnan(p))
@@ -143,29 +144,29 @@ def sentence(
     what: str = "per second",
     where: str = "",
 ) -> str:
-    """What a comparison of two errors says, in words: less is better.
+    """The result of a comparison of two errors as a sentence; smaller errors are better.
 
     Args:
-        name_a: what the difference counts from.
-        name_b: what was subtracted.
+        name_a: name of the minuend.
+        name_b: name of the subtrahend.
         result: their difference [m] or [rad]; its p-value may be one from `adjusted`.
         unit: of the numbers printed, mm or mrad.
         what: the span of the errors.
-        where: to what the sentence is limited, as "on this log".
+        where: scope of the sentence, for instance "on this log".
     """
     where = where and f" {where}"
     if math.isnan(result.p_value):
         return f"{name_a} and {name_b} can't be compared{where}: only {result.n} common values"
-    sure = result.p_value < 1.0 - LEVEL and not result.low <= 0.0 <= result.high
-    swap = sure and result.difference < 0.0
+    significant = result.p_value < 1.0 - CONFIDENCE_LEVEL and not result.low <= 0.0 <= result.high
+    swap = significant and result.difference < 0.0
     difference, low, high = (1e3 * value for value in result[:3])
     if swap:
         low, high = -high, -low
     digits = _digits(high - low)
     low_text, high_text = _fixed(low, digits), _fixed(high, digits)
-    interval = f"{LEVEL * 100:g} % interval {low_text} to {high_text}"
+    interval = f"{CONFIDENCE_LEVEL * 100:g} % interval {low_text} to {high_text}"
     chance = _chance(result.p_value)
-    if not sure:
+    if not significant:
         amount = f"difference {_fixed(difference, digits)} {unit} {what}"
         return (
             f"{name_a} and {name_b} can't be distinguished{where}: {amount}, {interval}, {chance}"
@@ -176,12 +177,12 @@ def sentence(
 
 
 def _fixed(value: float, digits: int) -> str:
-    """A number with so many decimals, zero without a sign."""
+    """A number with `digits` decimals, zero without a sign."""
     return f"{round(value, digits) + 0.0:.{digits}f}"
 
 
 def _digits(width: float) -> int:
-    """Decimals that show the width of an interval with one digit, or two that begin with 1."""
+    """Decimals that show an interval's width with one digit, or with two if the first is 1."""
     return max(0, -math.floor(math.log10(width / 3.9))) if width > 0.0 else 2
 
 

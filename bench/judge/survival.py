@@ -1,7 +1,7 @@
-"""How much the runs of a sweep withstand: levels held, curves, critical levels, figures of rows.
+"""Robustness of the runs of a sweep: levels held, survival curves, critical levels, row figures.
 
-A run *holds* a level if it is lost neither there nor at a milder one; the climb ends at the first
-level that loses it. A run that failed counts as lost.
+A run *holds* a level if neither this level nor a milder one is lost. The climb ends at the first
+lost level. A failed run counts as lost.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ import numpy as np
 from bench.judge.statistics import Share, wilson
 from bench.results.sweep import CLEAN, Cost, Sweep, Trial
 
-HALF = 0.5  # of the runs lost: the critical level
+CRITICAL_LOST_SHARE = 0.5  # of the runs, lost at the critical level
 
 Drive = tuple[str, int]  # name of a log, seed
-Held = dict[Drive, int]  # how many levels each drive's run held
+Held = dict[Drive, int]  # number of levels held, by drive
 Errors = dict[tuple[str, int, str, float], float]  # error over 1 s by drive, degradation, level
 
 
 class Critical(NamedTuple):
     """The level at which half of the runs are lost, and its 95 % interval.
 
-    -inf: milder than the mildest that was tried, inf: harder than the hardest.
+    -inf: below the mildest level tested, inf: above the hardest.
     """
 
     level: float
@@ -34,12 +34,12 @@ class Critical(NamedTuple):
 
 
 class Figures(NamedTuple):
-    """All trials of one row together.
+    """The figures of one row over all its trials.
 
-    `levels` counts the levels held of those there were, over all drives; `second_m` is the median
-    error over 1 s of the runs that were not lost, `clean_m` that of the logs as they are; None
-    without any. `cpu_scan` [s] is a median, `dearest` the most CPU per second of log of any trial
-    as a multiple of the same log's as it is.
+    `levels`: levels held and all levels, over all drives. `second_m` is the median error over 1 s
+    of the runs that were not lost, `clean_m` the same without degradation; None without any.
+    `cpu_scan` [s] is a median. `dearest` is the largest CPU time per second of log of any trial,
+    relative to the same log without degradation.
     """
 
     used: list[str]
@@ -49,7 +49,7 @@ class Figures(NamedTuple):
     clean_m: float | None
     worse_than_wheels: Share
     right_again: Share
-    said_in_time: Share
+    reported_in_time: Share
     false_share: float
     cpu_scan: float | None
     dearest: float | None
@@ -61,7 +61,7 @@ def survived(trial: Trial) -> bool:
 
 
 def held(trials: Iterable[Trial], odometry: bool, degradations: Collection[str]) -> dict[str, Held]:
-    """Levels held by each algorithm's runs, drive by drive, over some degradations together."""
+    """Levels held by each algorithm, by drive, summed over some degradations."""
     found: dict[str, Held] = {}
     for trial in trials:
         if trial["odometry"] == odometry and trial["degradation"] in degradations:
@@ -86,24 +86,24 @@ def errors(
 
 
 def votes(a: Held, b: Held) -> tuple[int, int]:
-    """In how many drives a held more levels, and in how many b: the pairs of McNemar's test."""
+    """Number of drives in which a held more levels, and in which b did, for McNemar's test."""
     both = a.keys() & b.keys()
     return sum(a[k] > b[k] for k in both), sum(a[k] < b[k] for k in both)
 
 
 def curve(runs: Held, levels: int) -> list[Share]:
-    """The share of runs that hold each level: Kaplan and Meier's curve, no run leaves early."""
+    """The share of runs that hold each level: Kaplan and Meier's curve without censoring."""
     counts = list(runs.values())
     return [wilson(sum(count > k for count in counts), len(counts)) for k in range(levels)]
 
 
 def critical(shares: Sequence[Share], levels: Sequence[float]) -> Critical:
-    """The level at which half of the runs are lost, by where the curve falls to one half.
+    """The level at which half of the runs are lost.
 
-    The median survival of Kaplan and Meier's curve, between two levels on a logarithmic scale. Its
-    interval inverts the test of one half at every level (Brookmeyer and Crowley 1982; Wilson's
-    interval is the test): from the last level that surely more than half hold to the first that
-    surely fewer do. Nothing is known between two levels, so it ends at levels.
+    The median of Kaplan and Meier's curve, interpolated on a logarithmic scale. Its interval
+    inverts a test at each level (Brookmeyer and Crowley 1982), here by Wilson's interval: from the
+    last level held by significantly more than half of the runs to the first held by significantly
+    fewer.
     """
     lows, highs = ([getattr(one, side) for one in shares] for side in ("low", "high"))
     first, last = _falls(lows), _falls(highs)
@@ -115,8 +115,8 @@ def critical(shares: Sequence[Share], levels: Sequence[float]) -> Critical:
 
 
 def _falls(shares: Sequence[float]) -> int:
-    """The first of falling shares that is at most one half; their number if none is."""
-    return next((k for k, value in enumerate(shares) if value <= HALF), len(shares))
+    """Index of the first of falling shares that is at most one half; their number if none is."""
+    return next((k for k, value in enumerate(shares) if value <= CRITICAL_LOST_SHARE), len(shares))
 
 
 def _crossing(shares: Sequence[float], levels: Sequence[float]) -> float:
@@ -124,9 +124,9 @@ def _crossing(shares: Sequence[float], levels: Sequence[float]) -> float:
     if below == len(shares):
         return math.inf
     if below == 0:
-        return levels[0] if shares[0] == HALF else -math.inf
+        return levels[0] if shares[0] == CRITICAL_LOST_SHARE else -math.inf
     (a, b), (above, under) = levels[below - 1 : below + 1], shares[below - 1 : below + 1]
-    part = (above - HALF) / (above - under)
+    part = (above - CRITICAL_LOST_SHARE) / (above - under)
     return float(a * (b / a) ** part if a > 0.0 and b > 0.0 else a + part * (b - a))
 
 
@@ -140,8 +140,8 @@ def figures(sweep: Sweep, algorithm: str, odometry: bool) -> Figures:
     done = [trial for trial, _ in own if not trial["failed"]]
     kept, lost = ([t for t in done if t["lost"] == is_lost] for is_lost in (False, True))
     clean = [trial for trial, _ in own if trial["degradation"] == CLEAN]
-    beside = [trial for trial in done if odometry and trial["wheels_ate_m"] is not None]
-    worse = [trial for trial in beside if trial["ate_m"] > (trial["wheels_ate_m"] or 0.0)]
+    with_wheels = [trial for trial in done if odometry and trial["wheels_ate_m"] is not None]
+    worse = [trial for trial in with_wheels if trial["ate_m"] > (trial["wheels_ate_m"] or 0.0)]
     right = sum(trial["right_scans"] for trial in done)
     return Figures(
         used=list(dict.fromkeys(name for trial in done for name in trial["used"])),
@@ -149,9 +149,9 @@ def figures(sweep: Sweep, algorithm: str, odometry: bool) -> Figures:
         clean=wilson(sum(map(survived, clean)), len(clean)),
         second_m=_second(kept),
         clean_m=_second([trial for trial in kept if trial["degradation"] == CLEAN]),
-        worse_than_wheels=wilson(len(worse), len(beside)),
+        worse_than_wheels=wilson(len(worse), len(with_wheels)),
         right_again=wilson(sum(bool(trial["right_again"]) for trial in lost), len(lost)),
-        said_in_time=wilson(
+        reported_in_time=wilson(
             sum(trial["said_in_time"] for trial in done), sum(trial["episodes"] for trial in done)
         ),
         false_share=sum(trial["false_alarms"] for trial in done) / max(right, 1),
@@ -161,7 +161,7 @@ def figures(sweep: Sweep, algorithm: str, odometry: bool) -> Figures:
 
 
 def median(values: Sequence[float]) -> float | None:
-    """The median; None of nothing."""
+    """The median; None without values."""
     return float(np.median(values)) if len(values) else None
 
 
@@ -170,7 +170,7 @@ def _second(trials: Iterable[Trial]) -> float | None:
 
 
 def _levels(sweep: Sweep, own: Sequence[Trial]) -> tuple[int, int]:
-    """Levels held, and levels there were; the logs as they are count as none."""
+    """Levels held and number of levels; logs without degradation do not count."""
     degraded = [trial for trial in own if trial["degradation"] != CLEAN]
     climbs = {(t["log"], t["seed"], t["degradation"]) for t in degraded}
     return (

@@ -1,7 +1,7 @@
-"""Which algorithm is better, by how much, and how sure that is: pairs on one log and over logs.
+"""Which algorithm is better, by how much, and with which significance, on one log or several.
 
-What one log shows holds on that log: another drive, or the same map turned by 45 degrees, may
-show the opposite. Only several independent drives say more.
+A result on one log holds for this log only: another drive, or the same map rotated by 45 degrees,
+may reverse it. A general result needs several independent drives.
 """
 
 from __future__ import annotations
@@ -20,27 +20,26 @@ from slams.types import Floats
 
 Lines = list[Line]
 
-SIGNIFICANT = 0.05
-RESOLUTION = 1e-6  # m or rad: a smaller difference of two errors is rounding
-SPANS = {"1 s": "per second", "10 s": "per 10 s", "update": "per update"}
+ERROR_RESOLUTION = 1e-6  # m or rad; a smaller difference of two errors is rounding
+SPAN_WORDS = {"1 s": "per second", "10 s": "per 10 s", "update": "per update"}
 
 
 class Measure(NamedTuple):
-    """What pairs are compared by: a series of errors [m] or [rad], and the unit of sentences."""
+    """A kind of error to compare, [m] or [rad], and the unit in sentences."""
 
     name: str
     values: Callable[[SpanErrors], Floats]
     unit: str
 
 
-MEASURES = (
+ERROR_MEASURES = (
     Measure("translation", lambda errors: errors.se2_translation, "mm"),
     Measure("rotation", lambda errors: errors.orientation, "mrad"),
 )
 
 
 class Series(NamedTuple):
-    """Errors of an algorithm (n,), and what they are errors of: stamps, or numbers of logs."""
+    """Errors (n,) of an algorithm, with their keys: stamps, or numbers of logs."""
 
     name: str
     keys: NDArray[np.float64]
@@ -50,30 +49,28 @@ class Series(NamedTuple):
 def on_one_log(outcomes: list[Outcome]) -> Lines:
     """Every pair of runs that have errors, p-values adjusted together for all of them.
 
-    Errors over 1 s, where the log has them; they do not depend on the rate of the updates. The
-    sentences hold on this log and say so.
+    They use errors over 1 s, if the log is long enough: these do not depend on the update rate.
     """
     runs = [outcome for outcome in outcomes if outcome.errors]
-    span = next((name for name in SPANS if all(name in run.errors for run in runs)), None)
+    span = next((name for name in SPAN_WORDS if all(name in run.errors for run in runs)), None)
     if span is None or len(runs) < 2:
         return []
     found: Lines = []
-    for measure in MEASURES:
+    for measure in ERROR_MEASURES:
         errors = ((run.row["algorithm"], run.errors[span]) for run in runs)
         series = [Series(name, of.t, measure.values(of)) for name, of in errors]
-        found += _pairs(series, measure, SPANS[span], statistics.paired)
+        found += _pairs(series, measure, SPAN_WORDS[span], statistics.paired)
     return [entry | {"sentence": _words(entry, "on this log")} for entry in _adjusted(found)]
 
 
 def over_logs(outcomes: list[Outcome], span: str = "1 s") -> Lines:
     """Every pair of algorithms over all logs: one mean per log, tested over the logs.
 
-    The only verdict that may claim more than one log shows, if the logs are independent drives:
-    five never suffice for a p-value below 0.05.
+    The logs have to be independent drives. Five never suffice for a p-value below 0.05.
     """
     logs = list(dict.fromkeys(outcome.row["log"] for outcome in outcomes))
     found: Lines = []
-    for measure in MEASURES:
+    for measure in ERROR_MEASURES:
         means: dict[str, dict[float, float]] = {}
         for outcome in outcomes:
             if span in outcome.errors:
@@ -83,7 +80,7 @@ def over_logs(outcomes: list[Outcome], span: str = "1 s") -> Lines:
         series = [
             Series(name, np.array([*of]), np.array([*of.values()])) for name, of in means.items()
         ]
-        found += _pairs(series, measure, SPANS[span], statistics.paired_over_runs)
+        found += _pairs(series, measure, SPAN_WORDS[span], statistics.paired_over_runs)
     found = [entry for entry in found if entry["n"] >= 2]
     return [
         entry | {"sentence": _words(entry, f"over {entry['n']} logs")} for entry in _adjusted(found)
@@ -96,7 +93,7 @@ def _pairs(
     what: str,
     test: Callable[[Floats, Floats], statistics.Paired],
 ) -> Lines:
-    """Every pair at what both have errors of, the best algorithm first."""
+    """Every pair at the keys that both have, the best algorithm first."""
     order = sorted(series, key=lambda one: float(one.values.mean()))
     return [
         {
@@ -113,16 +110,16 @@ def _pairs(
 
 
 def _shared(a: Series, b: Series) -> tuple[Floats, Floats]:
-    """Both series where both have errors; what differs by rounding alone is equal."""
+    """The values of both series at shared keys; differences by rounding are removed."""
     first, second = a.values, b.values
     if not np.array_equal(a.keys, b.keys):
         _, of_a, of_b = np.intersect1d(a.keys, b.keys, return_indices=True)
         first, second = first[of_a], second[of_b]
-    return first, np.where(np.abs(first - second) < RESOLUTION, first, second)
+    return first, np.where(np.abs(first - second) < ERROR_RESOLUTION, first, second)
 
 
 def _adjusted(found: Lines) -> Lines:
-    """Add the p-values for all pairs together."""
+    """Add the p-values corrected over all pairs."""
     adjusted = statistics.adjusted([entry["p_value"] for entry in found])
     return [
         entry | {"p_alone": entry["p_value"], "p_value": p_value}
@@ -131,7 +128,7 @@ def _adjusted(found: Lines) -> Lines:
 
 
 def _words(entry: Line, where: str) -> str:
-    """A pair in words, limited to where it holds."""
+    """A pair as a sentence, with the scope `where`."""
     paired = statistics.Paired(**{name: entry[name] for name in statistics.Paired._fields})
     pair = entry["a"], entry["b"]
     words = statistics.sentence(*pair, paired, entry["unit"], entry["what"], where)

@@ -1,1 +1,1 @@
-"""Show results: tables, text, figures and pages, drawn from typed results; nothing is computed."""
+"""Tables, text, figures and pages of typed results."""

@@ -1,6 +1,6 @@
 """Figures: histograms and maps, [Kuehn] Fig. 2 to 4; errors, errors against cost, trajectories.
 
-All are png and pdf files; the pages show the png.
+Each figure is a png file, shown in the pages, and a pdf file.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bench.judge.metrics import class_shares
 from bench.report.labels import write_names
-from bench.report.palette import UNKNOWN, Look, shade
+from bench.report.palette import UNKNOWN_SHADE, Look, shade
 from bench.report.pareto import Point, front
 from slams.types import Floats, OccupancyGrid, Pose2
 
@@ -25,44 +25,45 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
 
-CLASSES = 8
-FEW = 6  # maps that stand three in a row; more stand four in a row
-MOST_NAMES = 12  # of a legend; more are written smaller
-SHOWN_FROM = 0.02  # of its values: where the axis of the errors begins
-SHORT = 200.0  # ratio of the ends of a logarithmic axis that has room for 2 and 5
-LEAST_ERROR = 1e-3  # mm; smaller errors are drawn as this
-NICE = (1.0, 2.0, 2.5, 5.0, 10.0)  # widths of a class, times a power of ten
-MOST_CELLS = 1000  # of a map's longer side; more are put together, walls survive
-AROUND_PATH = 6.0  # m around the paths that a map shows
-LARGER = 1.5  # times the size of the median path: such a path has left the place
+N_CLASSES = 8
+MAX_MAPS_IN_THREE_COLUMNS = 6  # more maps stand in four columns
+MAX_LARGE_NAMES = 12  # of a legend; more are written smaller
+FIRST_SHOWN_QUANTILE = 0.02  # of the errors, where the axis begins
+MAX_FINE_TICK_RATIO = 200.0  # of the ends of a logarithmic axis with ticks at 2 and 5
+MIN_DRAWN_ERROR = 1e-3  # mm; smaller errors are drawn here
+ROUND_WIDTHS = (1.0, 2.0, 2.5, 5.0, 10.0)  # of a class, times a power of ten
+MAX_DRAWN_CELLS = 1000  # of a map's longer side; larger maps are reduced, walls stay visible
+PATH_MARGIN = 6.0  # m around the paths, shown in maps
+MAX_PATH_SIZE_RATIO = 1.5  # to the median path; larger paths diverged and do not set the limits
 
 Looks = Mapping[str, Look]
 Limits = tuple[tuple[float, float], tuple[float, float]]
 
 
 class Plan(NamedTuple):
-    """A map, the pose of the first scan in its frame, and the path (n, 3) seen from that pose."""
+    """A map, the first scan's pose in its frame, and the path (n, 3) in the frame of this pose."""
 
     grid: OccupancyGrid
     frame: Pose2
     path: Floats | None
 
 
-def class_width(errors: Sequence[Floats], most: float) -> float:
-    """Width of a histogram's classes: the paper's `most`, or less where errors are smaller.
+def class_width(errors: Sequence[Floats], max_width: float) -> float:
+    """Width of a histogram's classes: the paper's `max_width`, or less for smaller errors.
 
-    The middle run's 95th percentile lies within the classes: in those of the paper good algorithms
-    of today never leave the first.
+    The classes contain the 95th percentile of the median run: in the paper's classes all errors of
+    the defaults lie in the first.
     """
-    reach = float(np.median([np.percentile(values, 95) for values in errors])) / (CLASSES - 1)
+    reach = float(np.median([np.percentile(values, 95) for values in errors])) / (N_CLASSES - 1)
     power = 10.0 ** np.floor(np.log10(max(reach, 1e-9)))
-    return min(most, float(next(f * power for f in NICE if f * power >= reach * (1 - 1e-9))))
+    widths = (f * power for f in ROUND_WIDTHS)
+    return min(max_width, float(next(width for width in widths if width >= reach * (1 - 1e-9))))
 
 
 def shares_below(axes: Axes, errors: Mapping[str, Floats], what: str, looks: Looks) -> None:
-    """Share of the errors [mm] below a value, a curve for each run; one of inf is never below."""
+    """Share of the errors [mm] below a value, a curve for each run; inf counts as above."""
     for name, values in errors.items():
-        ordered = np.sort(np.maximum(values, LEAST_ERROR))
+        ordered = np.sort(np.maximum(values, MIN_DRAWN_ERROR))
         share = (np.arange(len(ordered)) + 1) / len(ordered)
         kept = np.isfinite(ordered)
         if not kept.any():
@@ -70,20 +71,20 @@ def shares_below(axes: Axes, errors: Mapping[str, Floats], what: str, looks: Loo
         look = looks[name]
         (drawn,) = axes.plot(ordered[kept], share[kept], look.line, color=look.color, label=name)
         drawn.set_drawstyle("steps-post")
-    low = min(float(np.quantile(values, SHOWN_FROM, method="lower")) for values in errors.values())
+    low = min(float(np.quantile(v, FIRST_SHOWN_QUANTILE, method="lower")) for v in errors.values())
     axes.set(xscale="log", xlabel=f"{what} [mm]", ylabel="share below")
     if np.isfinite(low):
-        axes.set_xlim(left=max(0.9 * low, LEAST_ERROR))
+        axes.set_xlim(left=max(0.9 * low, MIN_DRAWN_ERROR))
     plain_numbers(axes.xaxis)
     axes.grid(visible=True, which="both", alpha=0.25)
     if axes.get_lines():
-        axes.legend(loc="lower right", fontsize=8 if len(errors) <= MOST_NAMES else 6)
+        axes.legend(loc="lower right", fontsize=8 if len(errors) <= MAX_LARGE_NAMES else 6)
 
 
 def against_cost(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
-    """Mean error against CPU per scan; a line along those that none beats in both."""
+    """Mean error against CPU per scan, with the Pareto front as a line."""
     axes.set(xscale="log", yscale="log", xlabel="CPU per scan [ms]", ylabel="mean error [mm]")
-    places = {point.name: (point.cpu_ms, max(point.error_mm, LEAST_ERROR)) for point in points}
+    places = {point.name: (point.cpu_ms, max(point.error_mm, MIN_DRAWN_ERROR)) for point in points}
     for point in points:
         marker = "x" if point.lost else "o"
         axes.plot(*places[point.name], marker, color=looks[point.name].color)
@@ -107,31 +108,31 @@ def map_panel(
     axes.set(xlim=limits[0], ylim=limits[1])
 
 
-def limits_of(paths: Sequence[Floats], margin: float = AROUND_PATH) -> Limits:
-    """The part around paths that is shown; a path far larger than most does not set it."""
+def limits_of(paths: Sequence[Floats], margin: float = PATH_MARGIN) -> Limits:
+    """Limits of the shown area around paths, without paths far larger than the median."""
     sizes = [float(np.ptp(path[:, :2], axis=0).max()) for path in paths]
-    most = LARGER * float(np.median(sizes))
-    kept = [path for path, size in zip(paths, sizes, strict=True) if size <= most]
+    max_size = MAX_PATH_SIZE_RATIO * float(np.median(sizes))
+    kept = [path for path, size in zip(paths, sizes, strict=True) if size <= max_size]
     points = np.concatenate([path[:, :2] for path in kept or paths])
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     return (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
 
 
 def save_histogram(
-    errors: Mapping[str, Floats], kind: str, most: float, looks: Looks, path: Path
+    errors: Mapping[str, Floats], kind: str, max_width: float, looks: Looks, path: Path
 ) -> None:
     """Write [Kuehn] Fig. 2 (kind "translation", [m]) or 3 ("orientation", [rad]): shares by class.
 
-    As `path` with the endings png and pdf.
+    `path` gets the suffixes png and pdf.
     """
     figure = Figure(figsize=(9, 4), layout="constrained")
     axes = figure.subplots()
     unit = "mm" if kind == "translation" else "mrad"
-    width = class_width(list(errors.values()), most)
-    edges, thickness = width * np.arange(CLASSES), 0.8 * width / len(errors)
+    width = class_width(list(errors.values()), max_width)
+    edges, thickness = width * np.arange(N_CLASSES), 0.8 * width / len(errors)
     for k, (name, values) in enumerate(errors.items()):
         middle = edges + (k + 0.5) * thickness + 0.1 * width
-        shares = class_shares(values, width, CLASSES)
+        shares = class_shares(values, width, N_CLASSES)
         look = looks[name]
         axes.bar(middle, shares, thickness, color=look.color, label=name)
     texts = [f"{1e3 * edge:.3g}" for edge in edges]
@@ -144,12 +145,12 @@ def save_histogram(
 def save_overview(
     errors: Mapping[str, Floats], what: str, points: Sequence[Point], looks: Looks, path: Path
 ) -> None:
-    """Write the shares of errors [mm] below a value, and error against cost, as far as known."""
-    known = bool(errors) + bool(points)
-    if not known:
+    """Write the shares of errors [mm] below a value, and error against cost, if known."""
+    n_panels = bool(errors) + bool(points)
+    if not n_panels:
         return
-    figure = Figure(figsize=(5.5 * known, 4.2), layout="constrained")
-    panels = figure.subplots(1, known, squeeze=False)[0]
+    figure = Figure(figsize=(5.5 * n_panels, 4.2), layout="constrained")
+    panels = figure.subplots(1, n_panels, squeeze=False)[0]
     if errors:
         shares_below(panels[0], errors, what, looks)
     if points:
@@ -160,11 +161,11 @@ def save_overview(
 def save_trajectories(
     paths: Mapping[str, Floats], truth: Floats | None, looks: Looks, path: Path
 ) -> None:
-    """Write all paths (n, 3) and the true one in one plan, seen from the first pose."""
+    """Write all paths (n, 3) and the true one in one plan, in the frame of the first pose."""
     figure = Figure(figsize=(7, 7), layout="constrained")
     axes = figure.subplots()
-    for name, way in paths.items():
-        _path(axes, way, name, looks[name])
+    for name, one in paths.items():
+        _path(axes, one, name, looks[name])
     _true_path(axes, truth)
     x, y = limits_of([*paths.values()] if truth is None else [truth], margin=1.0)
     axes.set(xlim=x, ylim=y, xlabel="x [m]", ylabel="y [m]")
@@ -174,15 +175,15 @@ def save_trajectories(
 
 
 def save_maps(plans: Mapping[str, Plan], truth: Floats | None, looks: Looks, path: Path) -> None:
-    """Write [Kuehn] Fig. 4: the maps side by side in one scale."""
-    columns = min(3 if len(plans) <= FEW else 4, len(plans))
+    """Write [Kuehn] Fig. 4: the maps side by side at the same scale."""
+    columns = min(3 if len(plans) <= MAX_MAPS_IN_THREE_COLUMNS else 4, len(plans))
     rows = -(-len(plans) // columns)
     figure = Figure(figsize=(4.0 * columns, 4.0 * rows), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     for axes in panels[len(plans) :]:
         axes.set_visible(False)
-    ways = [plan.path for plan in plans.values() if plan.path is not None]
-    limits = limits_of(ways if truth is None else [truth])
+    paths = [plan.path for plan in plans.values() if plan.path is not None]
+    limits = limits_of(paths if truth is None else [truth])
     for axes, (name, plan) in zip(panels, plans.items(), strict=False):
         map_panel(axes, name, plan, truth, limits, looks.get(name))
         axes.set_title(name, parse_math=False)
@@ -192,9 +193,10 @@ def save_maps(plans: Mapping[str, Plan], truth: Floats | None, looks: Looks, pat
 
 
 def plain_numbers(axis: Axis) -> None:
-    """Ticks of a logarithmic axis, drawn before, as 0.5, 1, 2; of a long one as 0.1, 1, 10."""
+    """Ticks of a logarithmic axis as 0.5, 1, 2; of a long axis as 0.1, 1, 10."""
     low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < SHORT * low else (1.0,)))
+    subs = (1.0, 2.0, 5.0) if high < MAX_FINE_TICK_RATIO * low else (1.0,)
+    axis.set_major_locator(LogLocator(subs=subs))
     axis.set_major_formatter("{x:g}")
     axis.set_minor_formatter(NullFormatter())
 
@@ -209,7 +211,7 @@ def _true_path(axes: Axes, truth: Floats | None) -> None:
 
 
 def _draw_map(axes: Axes, grid: OccupancyGrid, moved: Pose2) -> None:
-    """A map in gray, its frame laid at a pose."""
+    """A map in gray, with its frame at the pose `moved`."""
     from matplotlib.transforms import Affine2D
 
     p, cell = _joined(grid.p), grid.resolution * _factor(grid.p)
@@ -226,15 +228,15 @@ def _draw_map(axes: Axes, grid: OccupancyGrid, moved: Pose2) -> None:
         transform=place + axes.transData,
     )
     axes.set_aspect("equal")
-    axes.set_facecolor(f"{UNKNOWN}")
+    axes.set_facecolor(f"{UNKNOWN_SHADE}")
 
 
 def _factor(p: NDArray[np.floating]) -> int:
-    return int(-(-max(p.shape) // MOST_CELLS))
+    return int(-(-max(p.shape) // MAX_DRAWN_CELLS))
 
 
 def _joined(p: NDArray[np.floating]) -> NDArray[np.floating]:
-    """The greatest probability of each block of cells, so that thin walls stay; NaN: unknown."""
+    """The largest probability of each block of cells, to keep thin walls; nan is unknown."""
     factor = _factor(p)
     if factor == 1:
         return p
@@ -246,7 +248,7 @@ def _joined(p: NDArray[np.floating]) -> NDArray[np.floating]:
 
 
 def _save(figure: Figure, path: Path) -> None:
-    """As png to look at and as pdf to print; no date inside: same figure, same bytes."""
+    """Write png and pdf without a date, so that the same figure gives the same bytes."""
     canvas = FigureCanvasAgg(figure)
     canvas.print_figure(path.with_suffix(".png"), dpi=110, metadata={"Software": None})
     canvas.print_figure(path.with_suffix(".pdf"), metadata={"CreationDate": None})

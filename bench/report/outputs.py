@@ -1,4 +1,4 @@
-"""Everything drawn from the results of a comparison: tables, figures, pages, trajectories."""
+"""Write all files of a comparison: tables, figures, pages, trajectories."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bench.judge.metrics import ORIENTATION_CLASS, TRANSLATION_CLASS
+from bench.judge.metrics import ORIENTATION_CLASS_WIDTH, TRANSLATION_CLASS_WIDTH
 from bench.report import figures, palette, pareto, tables, text
 from bench.report.lines import DECIDING_SPANS
-from bench.results import FIGURES, Comparison
+from bench.results import RESULTS_FILE, Comparison
 from slams.formats import trajectory
 
 if TYPE_CHECKING:
     from bench.results import LogResult, Outcome
 
-TRUE_MAP = "true map"
-# all that bench.compare writes, and wrote in earlier versions
-FILES = (
-    FIGURES,
+TRUE_MAP_NAME = "true map"
+# files that this and earlier versions write
+OUTPUT_FILES = (
+    RESULTS_FILE,
     "arrays.npz",
     "report.html",
     "tables.md",
@@ -34,7 +34,7 @@ FILES = (
 
 
 def write(folder: Path, comparison: Comparison) -> None:
-    """Write all files but the results themselves; several logs get a folder each."""
+    """Write all files except results.json; each of several logs gets its own folder."""
     from bench.report.html import document
 
     for k in range(len(comparison.logs)):
@@ -57,7 +57,7 @@ def write(folder: Path, comparison: Comparison) -> None:
 
 
 def place_of(folder: Path, comparison: Comparison, k: int) -> Path:
-    """The folder of the k-th log's files: that of the comparison where it is the only one."""
+    """The folder of the k-th log's files: that of the comparison for a single log."""
     name = comparison.logs[k].entry["name"]
     return folder if len(comparison.logs) == 1 else folder / f"{k + 1}-{name}"
 
@@ -77,16 +77,16 @@ def _write_run(folder: Path, outcome: Outcome) -> None:
 
 
 def _draw(folder: Path, log: LogResult) -> None:
-    """[Kuehn] Fig. 2 to 4, errors and costs, paths, as far as the log and its runs have them."""
+    """[Kuehn] Fig. 2 to 4, errors and costs, and paths, if the log and its runs have them."""
     looks = palette.looks([row["algorithm"] for row in log.rows])
     errors = {o.row["algorithm"]: o.errors for o in log.outcomes if o.errors}
     if errors:
-        for number, kind, most in (
-            (2, "translation", TRANSLATION_CLASS),
-            (3, "orientation", ORIENTATION_CLASS),
+        for number, kind, width in (
+            (2, "translation", TRANSLATION_CLASS_WIDTH),
+            (3, "orientation", ORIENTATION_CLASS_WIDTH),
         ):
             values = {name: getattr(found["update"], kind) for name, found in errors.items()}
-            figures.save_histogram(values, kind, most, looks, folder / f"fig{number}_{kind}")
+            figures.save_histogram(values, kind, width, looks, folder / f"fig{number}_{kind}")
     span = next((s for s in DECIDING_SPANS if all(s in found for found in errors.values())), "")
     small = {name: 1e3 * found[span].se2_translation for name, found in errors.items()}
     what = "error per update" if span == "update" else f"error over {span}"
@@ -98,7 +98,7 @@ def _draw(folder: Path, log: LogResult) -> None:
 
 
 def _draw_paths(folder: Path, log: LogResult, looks: figures.Looks) -> None:
-    """The paths in the frame of the truth, where there is one."""
+    """The paths of all runs and the true path, in the frame of the first pose."""
     runs = [outcome for outcome in log.outcomes if len(outcome.t)]
     paths = {o.row["algorithm"]: o.common.estimate if o.common else o.poses for o in runs}
     truth = next((o.common.truth for o in runs if o.common), None)
@@ -107,7 +107,7 @@ def _draw_paths(folder: Path, log: LogResult, looks: figures.Looks) -> None:
 
 
 def _draw_maps(folder: Path, log: LogResult, looks: figures.Looks) -> None:
-    """[Kuehn] Fig. 4, of the runs that have a map, the true one first."""
+    """[Kuehn] Fig. 4: the true map and the maps of all runs."""
     plans = {
         o.row["algorithm"]: figures.Plan(o.grid, o.frame, o.poses)
         for o in log.outcomes
@@ -117,14 +117,14 @@ def _draw_maps(folder: Path, log: LogResult, looks: figures.Looks) -> None:
         return
     start, known = log.reference.start, log.reference.grid
     if start is not None and known is not None:
-        plans = {TRUE_MAP: figures.Plan(known, start, None)} | plans
-    # a truth that begins late is seen from another pose than the maps are
+        plans = {TRUE_MAP_NAME: figures.Plan(known, start, None)} | plans
+    # a ground truth that begins late has another first pose than the maps
     truth = None if start is None else log.reference.path
     figures.save_maps(plans, truth, looks, folder / "fig4_maps")
 
 
 def _draw_joint(folder: Path, comparison: Comparison) -> None:
-    """Absolute errors of all runs, inf where one failed, and the costs over all logs."""
+    """Absolute errors of all runs, inf for failed ones, and the costs over all logs."""
     errors = {
         name: np.array([1e3 * e["ate_m"] if (e := row.get("errors")) else np.inf for row in rows])
         for name, rows in comparison.by_algorithm().items()

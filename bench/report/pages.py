@@ -1,4 +1,4 @@
-"""The measured parts of README and docs, from the results that are kept."""
+"""The generated parts of README and docs, from the kept results."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from bench.report.text import head, markdown_table, titled
 from bench.results.sweep import Sweep
 from slams.registry import BUILT_IN, IDEAS, names
 
-ON_FRONT = 2  # questions: which program to use, which idea is best
+N_FRONT_QUESTIONS = 2  # on the front page: which program to use, which idea is best
 
 Kept = dict[str, Any]
 
 
 def adopt(path: Path, found: Sweep) -> None:
-    """Keep what the pages show of a sweep: its tables, not its thousands of trials."""
-    weighed = analysis(found)
+    """Keep the tables of a sweep that the pages show, without its thousands of trials."""
+    analyzed = analysis(found)
     known = {
         "record": found.record | {"command": found.record["command"].partition(" --out")[0]},
-        "head": sweep_tables.head(weighed, found.facts),
-        "choices": [_plain(one) for one in sweep_tables.choices(weighed)],
+        "head": sweep_tables.head(analyzed, found.facts),
+        "choices": [_plain(one) for one in sweep_tables.choices(analyzed)],
         "tables": {
-            name: _plain(one) for name, one in sweep_tables.tables(weighed, found.facts).items()
+            name: _plain(one) for name, one in sweep_tables.tables(analyzed, found.facts).items()
         },
     }
     path.write_text(json.dumps(known, separators=(",", ":")) + "\n", encoding="utf-8")
@@ -44,7 +44,7 @@ def _table(kept: Kept) -> Table:
 
 
 def front_table(found: Kept, swept: Kept) -> str:
-    """The algorithms of the sweep: idea, error on the clean log, levels held, cost; and of what."""
+    """The algorithms of the sweep: idea, error on the default log, levels held, cost."""
     log, machine = found["logs"][0], found["machine"]["cpu"]
     runs = tables.main_table(log, found["rows"]).to_dict("index")
     held = _table(swept["tables"]["rows"]).frame["levels held [%]"].to_dict()
@@ -72,7 +72,7 @@ def _short(share: float | None) -> str | None:
 
 
 def _linked(name: str) -> str:
-    """A name with the way to its package's README, where the name is one of ours."""
+    """A name, linked to its package's README if it is one of ours."""
     folder = BUILT_IN.get(name.partition("@")[0], "").partition(".")[0]
     page = Path(folder) / "README.md"
     root = Path(__file__).resolve().parents[2]
@@ -80,19 +80,19 @@ def _linked(name: str) -> str:
 
 
 def choice(swept: Kept) -> str:
-    """Which one to take: the answers by situation, a table for each of the first questions."""
-    return _shown(swept["choices"][:ON_FRONT])
+    """The answers by situation, a table for each of the front page's questions."""
+    return _shown(swept["choices"][:N_FRONT_QUESTIONS])
 
 
 def field(swept: Kept, *kinds: str) -> str:
-    """Tables of a sweep: those whose names begin so."""
+    """The tables of a sweep whose names begin with one of `kinds`."""
     return _shown([one for name, one in swept["tables"].items() if name.startswith(kinds)])
 
 
 def sweep_part(swept: Kept) -> str:
-    """How the sweep was made, all rows together, critical levels, answers not on the front page."""
+    """Command, row figures, critical levels, and the answers not on the front page."""
     command, cpu = swept["record"]["command"], swept["record"]["machine"]["cpu"]
-    others = swept["choices"][ON_FRONT:]
+    others = swept["choices"][N_FRONT_QUESTIONS:]
     parts = [f"`{command}`, on {cpu}: {swept['head']}.", field(swept, "rows", "critical")]
     return "\n\n".join([*parts, _shown(others)] if others else parts)
 
@@ -102,7 +102,7 @@ def _shown(kept: list[Kept]) -> str:
 
 
 def relations_table(known: Kept) -> str:
-    """Errors of the relations on real logs, a column for each log, the published ones below."""
+    """Errors of the relations on real logs, a column for each log, with published errors."""
     columns: dict[str, dict[str, str]] = {}
     for key, runs in known.items():
         log, _, odometry = key.partition(", ")
@@ -123,11 +123,11 @@ def _relation_cell(run: Kept) -> str:
         return "-"
     error = run["relations"]["all"]["translation_m"]
     lost = " (lost)" if run["loss"]["lost"] else ""
-    return f"{error['mean']:.4f} ± {error['std']:.4f}{lost}{_luck(run.get('starts'))}"
+    return f"{error['mean']:.4f} ± {error['std']:.4f}{lost}{_start_words(run.get('starts'))}"
 
 
-def _luck(starts: Kept | None) -> str:
-    """Over several start scans: mean, worst, how many above the limit; a lost run has no error."""
+def _start_words(starts: Kept | None) -> str:
+    """Over several start scans: mean and worst error, number of runs above the limit."""
     if not starts:
         return ""
     mean, worst = (
@@ -138,7 +138,7 @@ def _luck(starts: Kept | None) -> str:
 
 
 def public_table(found: Kept) -> str:
-    """Size of the public logs, and what each algorithm costs on them."""
+    """Size of the public logs, and the cost of each algorithm."""
     lines = {
         log["name"]: {
             "scans x beams": f"{log['scans']} x {log['beams']}",

@@ -1,4 +1,4 @@
-"""Colors of the runs and shades of the maps, the same in every figure. Light."""
+"""Colors of the runs and shades of the maps, the same in every figure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from slams.types import Floats
 
-# Okabe and Ito's, and such as are farthest from these and each other in CIELAB on white and black
+# Okabe and Ito's, and colors with the largest distances in CIELAB, also from white and black
 COLORS = (
     "#0072B2",
     "#D55E00",
@@ -26,10 +26,10 @@ COLORS = (
     "#E040C0",
     "#56B4E9",
 )
-LINES = ("-", "--", ":", "-.")  # of the runs where the colors come again
-UNKNOWN = 0.7  # shade of cells never observed
-LEAST_FREE = 0.85  # shade of a cell that is just free: lighter than unknown
-MOST_OCCUPIED = 0.5  # shade of a cell that is just occupied: darker than unknown
+LINE_STYLES = ("-", "--", ":", "-.")  # of runs with the same color
+UNKNOWN_SHADE = 0.7  # of unobserved cells
+MIN_FREE_SHADE = 0.85  # of free cells: lighter than unknown
+MAX_OCCUPIED_SHADE = 0.5  # of occupied cells: darker than unknown
 
 
 class Look(NamedTuple):
@@ -40,15 +40,16 @@ class Look(NamedTuple):
 
 
 def looks(names: list[str]) -> dict[str, Look]:
-    """The look of each run, the same in every figure, whichever of the runs it shows."""
+    """The look of each run by its name, the same in every figure."""
     return {
-        name: Look(COLORS[k % len(COLORS)], LINES[k % len(LINES)]) for k, name in enumerate(names)
+        name: Look(COLORS[k % len(COLORS)], LINE_STYLES[k % len(LINE_STYLES)])
+        for k, name in enumerate(names)
     }
 
 
 def shade(p: NDArray[np.floating]) -> Floats:
-    """Shades (ny, nx) of probabilities: 0 black to 1 white; unknown between free and occupied."""
-    free = 1.0 - 2.0 * (1.0 - LEAST_FREE) * p
-    occupied = 2.0 * MOST_OCCUPIED * (1.0 - p)
+    """Shades (ny, nx), 0 black to 1 white, of probabilities; unknown lies in between."""
+    free = 1.0 - 2.0 * (1.0 - MIN_FREE_SHADE) * p
+    occupied = 2.0 * MAX_OCCUPIED_SHADE * (1.0 - p)
     known = np.where(p < 0.5, free, occupied)
-    return np.where(np.isnan(p) | (p == 0.5), UNKNOWN, known).astype(np.float64)
+    return np.where(np.isnan(p) | (p == 0.5), UNKNOWN_SHADE, known).astype(np.float64)

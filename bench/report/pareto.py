@@ -1,4 +1,4 @@
-"""Accuracy against cost: the algorithms that no other one beats in both."""
+"""Accuracy against cost, and the Pareto front."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 
 
 class Point(NamedTuple):
-    """An algorithm: mean CPU time per scan [ms] and error [mm], nan where there is none.
+    """An algorithm: mean CPU time per scan [ms] and error [mm], nan if unknown.
 
-    The error is that over 1 s, or of the relations; `lost` is on how many logs it was lost or
-    failed.
+    The error is that over 1 s, or of the relations; `lost` is the number of logs on which the run
+    was lost or failed.
     """
 
     name: str
@@ -45,7 +45,7 @@ def drawn(comparison: Comparison) -> list[Point]:
 
 
 def front(of: Sequence[Point]) -> list[Point]:
-    """Of the points that were not lost, those with none both cheaper and more accurate."""
+    """The Pareto front of the points that were not lost, by cost and error."""
     found: list[Point] = []
     kept = (point for point in of if not point.lost)
     for point in sorted(kept, key=lambda point: (point.cpu_ms, point.error_mm)):

@@ -1,4 +1,4 @@
-"""Figures of a sweep: survival curves; share of its runs below an error, error against CPU."""
+"""Figures of a sweep: survival curves, share of runs below an error, error against CPU."""
 
 from __future__ import annotations
 
@@ -22,27 +22,28 @@ from slams.types import Floats
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LINES = {False: "--", True: "-"}  # laser alone, with odometry
-BEAMS = "beams"  # the degradation whose levels the costs show
-PANEL = (4.6, 4.2)  # inches
-SPREAD = 0.12  # of a level between the first and the last row's curve: equal ones stay visible
+MODE_LINE_STYLES = {False: "--", True: "-"}  # laser alone, with odometry
+BEAM_DEGRADATION = "beams"  # its levels are shown in the panels of costs
+PANEL_SIZE = (4.6, 4.2)  # inches
+CURVE_SPREAD = 0.12  # levels between the first and the last curve, so that equal ones are visible
 
 
 def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
-    """Above a panel of curves for each question, below one of costs for each choice of sensors."""
+    """Top: a panel of curves for each question. Bottom: one of costs for each choice of sensors."""
     names = list(dict.fromkeys(name for name, *_ in found.rows))
     color_of = {name: look.color for name, look in looks(names).items()}
     asked = questions(names)
     modes = sorted({odometry for _, odometry, _ in found.rows})
     columns = max(len(asked), len(modes))
-    figure = Figure(figsize=(PANEL[0] * columns, 2.0 * PANEL[1]), layout="constrained")
+    figure = Figure(figsize=(PANEL_SIZE[0] * columns, 2.0 * PANEL_SIZE[1]), layout="constrained")
     panels = figure.subplots(2, columns, squeeze=False)
     for axes in (*panels[0, len(asked) :], *panels[1, len(modes) :]):
         axes.set_visible(False)
     for axes, (question, rows) in zip(panels[0], asked.items(), strict=False):
         both = {f"{name}, {MODES[mode]}": (name, mode) for name in rows for mode in modes}
         values = {label: 1e3 * errors_of(sweep, *one) for label, one in both.items()}
-        styles = {label: Look(color_of[name], LINES[mode]) for label, (name, mode) in both.items()}
+        lines = MODE_LINE_STYLES
+        styles = {label: Look(color_of[name], lines[mode]) for label, (name, mode) in both.items()}
         shares_below(axes, values, "error over 1 s", styles)
         axes.set(ylim=(0.0, 1.0), title=question)
     for axes, mode in zip(panels[1], modes, strict=False):
@@ -54,7 +55,7 @@ def draw(sweep: Sweep, found: Analysis, path: Path) -> None:
 
 
 def draw_survival(found: Analysis, units: Mapping[str, str], folder: Path) -> None:
-    """Curves by degradation, laser alone beside with odometry; a png for each question."""
+    """Survival curves by degradation and choice of sensors; a png for each question."""
     for k, question in enumerate(dict.fromkeys(cell.question for cell in found.cells)):
         own = [cell for cell in found.cells if cell.question == question]
         shown = [cell for cell in own if not cell.equal and len(cell.levels) > 1]
@@ -62,7 +63,7 @@ def draw_survival(found: Analysis, units: Mapping[str, str], folder: Path) -> No
             continue
         titles = list(dict.fromkeys(cell.title for cell in shown))
         modes = sorted({cell.odometry for cell in shown})
-        size = PANEL[0] * len(modes), 0.8 * PANEL[1] * len(titles)
+        size = PANEL_SIZE[0] * len(modes), 0.8 * PANEL_SIZE[1] * len(titles)
         figure = Figure(figsize=size, layout="constrained")
         figure.suptitle(question, fontsize=10)
         panels = figure.subplots(len(titles), len(modes), squeeze=False)
@@ -82,7 +83,7 @@ def survival(axes: Axes, cell: Cell, label: str) -> None:
     """Share of the runs of each row that hold each level, with its 95 % band."""
     for k, (name, look) in enumerate(looks([*cell.curves]).items()):
         shares = cell.curves[name]
-        x = np.arange(len(shares)) + SPREAD * (k / max(len(cell.curves) - 1, 1) - 0.5)
+        x = np.arange(len(shares)) + CURVE_SPREAD * (k / max(len(cell.curves) - 1, 1) - 0.5)
         low, high = [one.low for one in shares], [one.high for one in shares]
         axes.fill_between(x, low, high, color=look.color, alpha=0.13, linewidth=0.0)
         held = [one.k / one.n for one in shares]
@@ -94,7 +95,7 @@ def survival(axes: Axes, cell: Cell, label: str) -> None:
 
 
 def errors_of(sweep: Sweep, name: str, odometry: bool) -> Floats:
-    """Errors over 1 s (n,) [m] of all runs of a row, inf of lost ones and of levels behind them."""
+    """Errors over 1 s (n,) [m] of all runs of a row; inf for lost runs and harder levels."""
     levels = sweep.facts["levels"]
     own = [t for t in sweep.trials if (t["algorithm"], t["odometry"]) == (name, odometry)]
     climbs = {(t["log"], t["seed"], t["degradation"]) for t in own}
@@ -104,9 +105,9 @@ def errors_of(sweep: Sweep, name: str, odometry: bool) -> Floats:
 
 
 def costs(sweep: Sweep, name: str, odometry: bool, degradation: str) -> list[Point]:
-    """Medians of a row at each level of a degradation, named by it, that half of its drives held.
+    """Median cost and error of a row at each level that at least half of its drives held.
 
-    Not fewer: the few drives that hold a hard level are the easy ones.
+    Fewer drives would not be representative: only the easy ones hold a hard level.
     """
     found: dict[float, list[tuple[float, float]]] = {}
     drives = set()
@@ -125,13 +126,13 @@ def costs(sweep: Sweep, name: str, odometry: bool, degradation: str) -> list[Poi
 def _draw_costs(
     axes: Axes, sweep: Sweep, found: Analysis, odometry: bool, color_of: Mapping[str, str]
 ) -> None:
-    """Every row in its color of above, the Pareto front, and its way to fewer beams.
+    """Each row without degradation, with its path to fewer beams, and the Pareto front.
 
-    A row stands where its drives as they are do; where a sweep has none of these, all its runs.
+    If the sweep has no drives without degradation, the points are medians over all runs.
     """
     levels = sweep.facts["levels"]
-    title = "Drives as they are" if CLEAN in levels else "Runs that were not lost"
-    title += ", dots: with fewer beams" if BEAMS in levels else ""
+    title = "Drives without degradation" if CLEAN in levels else "Runs that were not lost"
+    title += ", dots: with fewer beams" if BEAM_DEGRADATION in levels else ""
     axes.set(xscale="log", yscale="log", title=f"{title}; {MODES[odometry]}")
     places: list[Point] = []
     for name, mode, of in found.rows:
@@ -140,7 +141,7 @@ def _draw_costs(
         own = costs(sweep, name, odometry, CLEAN)
         if CLEAN not in levels and of.cpu_scan and of.second_m:
             own = [Point(name, 1e3 * of.cpu_scan, 1e3 * of.second_m, lost=0)]
-        fewer = costs(sweep, name, odometry, BEAMS)
+        fewer = costs(sweep, name, odometry, BEAM_DEGRADATION)
         axes.plot(*_places([*own, *fewer]), ".-", color=color_of[name], linewidth=0.6, markersize=4)
         axes.plot(*_places(own), "o", color=color_of[name])
         for point in fewer[-1:]:

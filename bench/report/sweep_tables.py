@@ -1,4 +1,4 @@
-"""Tables and sentences of a sweep, from its analysis alone; and what the terminal shows."""
+"""Tables and sentences of a sweep, from its analysis, and the text for the terminal."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from bench.results import Line
 from slams.params import worded
 
 MODES = {False: "laser alone", True: "with odometry"}
-ROWS = "All runs of each row"
-ALARMS = "Whether a lost run said so, and was right again at its end"
-TAKE = (
-    "A winner beats all others in paired tests over the same drives: it was lost less, or its "
-    "error is less by a fifth or more. Of equals take the cheapest with the same accuracy."
+ROWS_TITLE = "All runs of each row"
+ALARMS_TITLE = "Whether lost runs reported the loss, and were within the limits again at the end"
+ANSWER_NOTE = (
+    "A winner in bold beats all others in paired tests over the same drives: it was lost less "
+    "often, or its error is smaller by at least a fifth. Among equals the cheapest is recommended."
 )
-HOW = "critical level: half of the runs are lost, with its 95 % interval"
+CRITICAL_NOTE = "critical level: half of the runs are lost, with its 95 % interval"
 
 
 def tables(found: Analysis, facts: Line) -> dict[str, Table]:
-    """All tables of a sweep, by a name for a file."""
-    made = {"rows": Table(ROWS, row_table(found))}
+    """All tables of a sweep, by the name of their file."""
+    made = {"rows": Table(ROWS_TITLE, row_table(found))}
     groups = dict.fromkeys((cell.question, cell.odometry) for cell in found.cells)
     for k, (question, odometry) in enumerate(groups):
         own = [c for c in found.cells if (c.question, c.odometry) == (question, odometry)]
         shown = [cell for cell in own if not cell.equal]
-        title = f"{question}, {MODES[odometry]}; {HOW}{_not_shown(own)}"
+        title = f"{question}, {MODES[odometry]}; {CRITICAL_NOTE}{_not_shown(own)}"
         frame = critical_table(shown, facts["units"])
         made[f"critical-{k + 1}"] = Table(title, frame, "degradation")
-    made["alarms"] = Table(ALARMS, alarm_table(found))
+    made["alarms"] = Table(ALARMS_TITLE, alarm_table(found))
     return {name: one for name, one in made.items() if len(one.frame)}
 
 
@@ -44,7 +44,7 @@ def _not_shown(cells: list[Cell]) -> str:
 
 
 def critical_table(cells: list[Cell], units: dict[str, str]) -> pd.DataFrame:
-    """A line per degradation: the critical level of each row, the answer behind them."""
+    """A line per degradation: the critical level of each row, and the answer."""
     lines: dict[str, dict[str, object]] = {}
     for cell in cells:
         line: dict[str, object] = {
@@ -56,7 +56,7 @@ def critical_table(cells: list[Cell], units: dict[str, str]) -> pd.DataFrame:
 
 
 def shown_level(found: Critical, shares: list[Share], levels: list[float]) -> str:
-    """A critical level and its interval; of a single level, how many runs held it."""
+    """A critical level and its interval; for a single level, the number of runs that held it."""
     if len(levels) == 1:
         return str(shares[0])
     level, low, high = (_bound(value, levels) for value in found)
@@ -65,7 +65,7 @@ def shown_level(found: Critical, shares: list[Share], levels: list[float]) -> st
 
 
 def _bound(value: float, levels: list[float]) -> str:
-    """A level in three digits; <, > and the last that was tried where it lies beyond that."""
+    """A level with three digits; < or > and the last tested level if it lies beyond."""
     rising = levels[-1] > levels[0]
     if value == -math.inf:
         return f"{'<' if rising else '>'}{levels[0]:g}"
@@ -75,10 +75,10 @@ def _bound(value: float, levels: list[float]) -> str:
 
 
 def answer(cell: Cell) -> str:
-    """Who wins and by what, or whom the runs cannot tell apart and which of those to take."""
+    """The winner with its reason, or the equal rows with the recommended one."""
     if not cell.decidable:
         number = "one drive" if cell.drives == 1 else f"{cell.drives} drives"
-        return f"{number} cannot tell: take {cell.take}"
+        return f"{number} cannot decide: take {cell.take}"
     if len(cell.unbeaten) == 1 and cell.beaten:
         reasons = listed(list(dict.fromkeys(reason for *_, reason in cell.beaten.values())), "or")
         return f"**{cell.take}** ({reasons}, {_chance(max(p for _, p, _ in cell.beaten.values()))})"
@@ -92,7 +92,7 @@ def _chance(p: float) -> str:
 
 
 def choices(found: Analysis) -> list[Table]:
-    """Which one to take: a table for each question, a line for each situation."""
+    """The answers: a table for each question, a line for each situation."""
     made: dict[str, dict[str, dict[str, object]]] = {}
     for cell in found.situations:
         lines = made.setdefault(cell.question, {})
@@ -101,7 +101,7 @@ def choices(found: Analysis) -> list[Table]:
 
 
 def row_table(found: Analysis) -> pd.DataFrame:
-    """A line per row: what it held, how accurate it was, what it cost."""
+    """A line per row: levels held, accuracy, cost."""
     lines: dict[str, dict[str, object]] = {}
     for algorithm, odometry, of in found.rows:
         lines[f"{algorithm}, {MODES[odometry]}"] = {
@@ -118,11 +118,11 @@ def row_table(found: Analysis) -> pd.DataFrame:
 
 
 def alarm_table(found: Analysis) -> pd.DataFrame:
-    """What the algorithms said of themselves."""
+    """A line per row: how it reported losses."""
     lines: dict[str, dict[str, object]] = {}
     for algorithm, odometry, of in found.rows:
         lines[f"{algorithm}, {MODES[odometry]}"] = {
-            "loss episodes reported within 1 s": _count(of.said_in_time),
+            "loss episodes reported within 1 s": _count(of.reported_in_time),
             "scans reported lost without reason [%]": 100.0 * of.false_share,
             "lost runs right at the end": _count(of.right_again),
         }
@@ -152,14 +152,14 @@ def curve_table(found: Analysis) -> pd.DataFrame:
 
 def terminal(found: Analysis, facts: Line) -> str:
     """The answer first, then the tables."""
-    parts = [head(found, facts), TAKE]
+    parts = [head(found, facts), ANSWER_NOTE]
     for one in [*choices(found), *tables(found, facts).values()]:
         parts += [one.title, text_table(one.frame, one.corner)]
     return "\n\n".join(parts)
 
 
 def head(found: Analysis, facts: Line) -> str:
-    """The sweep in one line."""
+    """The sweep in one line of text."""
     runs = sum(cell.drives * (len(cell.unbeaten) + len(cell.beaten)) for cell in found.cells)
     places = dict.fromkeys(log["place"] for log in facts["logs"])
     rate = f" at {facts['rate']:g} Hz" if facts["rate"] else ""
@@ -170,7 +170,7 @@ def head(found: Analysis, facts: Line) -> str:
 
 
 def _settings(facts: Line) -> str:
-    """What was set for rows whose name does not say so."""
+    """The settings of rows that are not part of their names."""
     texts = {
         name: " and ".join(f"{key}={worded(value)}" for key, value in changes.items())
         for name, changes in facts.get("settings", {}).items()

@@ -1,4 +1,4 @@
-"""Every table of a comparison as a data frame, made from the results alone."""
+"""All tables of a comparison as data frames, from its results."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ if TYPE_CHECKING:
 
 Maker = Callable[[Line, Rows], pd.DataFrame]
 
-PUBLISHED = Path(__file__).with_name("published.csv")
-OVER_LOGS = "Over all logs: error over 1 s, or of the relations, of the runs not lost"
-DIFFERS = (
-    "The paper's log is not public: another drive, map and simulator (stdr_simulator's ranges come "
-    "in steps of its map's cell), each program at its own rate. Only the order can be compared."
+PUBLISHED_FILE = Path(__file__).with_name("published.csv")
+OVER_LOGS_TITLE = "Over all logs: error over 1 s, or of the relations, of the runs not lost"
+PUBLISHED_NOTE = (
+    "The paper's log is not public. Drive, map, update rates and simulator differ "
+    "(stdr_simulator's ranges have steps of a cell): only the order can be compared."
 )
 
 
 def _update(kind: str) -> Columns:
-    """[Kuehn] Table I or II: mean, deviation (ddof 0), least and greatest error per update."""
+    """[Kuehn] Table I or II: mean, deviation (ddof 0), minimum and maximum error per update."""
     names = {"mean": "mean", "deviation": "std", "min": "min", "max": "max"}
     return {head: (f"errors/spans/update/{kind}/{key}", 1) for head, key in names.items()}
 
@@ -61,7 +61,7 @@ SPAN_COLUMNS: Columns = {
     for span in SPANS
     for unit, key in (("mm", "se2_translation_m"), ("mrad", "orientation_rad"))
 }
-OVERVIEW: Columns = {
+OVERVIEW_COLUMNS: Columns = {
     "end [mm]": ("errors/end_m", 1e3),
     "drift [mm/m]": ("errors/drift", 1e3),
     "dropped": ("errors/dropped", 1),
@@ -71,12 +71,12 @@ OVERVIEW: Columns = {
     "within limits [%]": ("loss/truth/completed", 1e2),
     "says lost": ("loss/report/scans", 1),
 }
-PRICE: Columns = {
+PRICE_COLUMNS: Columns = {
     "CPU [ms]": ("cost/mean_ms", 1),
     "memory [MB]": ("cost/peak_memory_mb", 1),
     "start-up [s]": ("cost/start_up_s", 1),
 }
-COST: Columns = {
+COST_COLUMNS: Columns = {
     "mean [ms]": ("cost/mean_ms", 1),
     "p50 [ms]": ("cost/p50_ms", 1),
     "p95 [ms]": ("cost/p95_ms", 1),
@@ -84,7 +84,7 @@ COST: Columns = {
     "max [ms]": ("cost/max_ms", 1),
     "x real time": ("cost/real_time_factor", 1),
 }
-MAPS: Columns = {
+MAP_COLUMNS: Columns = {
     "IoU": ("map/iou", 1),
     "ADNN to truth [mm]": ("map/adnn_to_truth", 1e3),
     "from truth [mm]": ("map/adnn_from_truth", 1e3),
@@ -92,7 +92,7 @@ MAPS: Columns = {
     "true walls [mm]": ("map/true_wall_thickness", 1e3),
     "coverage [%]": ("map/coverage", 1e2),
 }
-STARTS: Columns = {
+START_COLUMNS: Columns = {
     "starts": ("starts/n", 1),
     "mean [m]": ("starts/mean", 1),
     "median [m]": ("starts/median", 1),
@@ -101,7 +101,7 @@ STARTS: Columns = {
 
 
 def main_table(_: Line, rows: Rows) -> pd.DataFrame:
-    """The one table: error, whether the run was lost, cost; without a truth what stands for it."""
+    """The main table: error, lost runs, cost; without ground truth the other measures."""
     without = {} if any(row["errors"] for row in rows) else unaided.measures(rows)
     lines: dict[str, Line] = {}
     for row in rows:
@@ -112,36 +112,36 @@ def main_table(_: Line, rows: Rows) -> pd.DataFrame:
             "relations [mm]": ("relations/all/translation_m/mean", 1e3),
         }
         found = line(row, errors) | without.get(row["algorithm"], {}) | {"lost": _lost(row)}
-        lines[label(row)] = found | line(row, PRICE) | {"used": sensors(row)}
+        lines[label(row)] = found | line(row, PRICE_COLUMNS) | {"used": sensors(row)}
     return frame_of(lines)
 
 
 def _lost(row: Row) -> str:
-    """Whether a run was lost, and when."""
+    """Whether and when a run was lost."""
     at = value(row, f"loss/{row['loss']['by']}/at_s")
     return "no" if not row["loss"]["lost"] else "yes" if at is None else f"after {at:.0f} s"
 
 
 def unaided_table(_: Line, rows: Rows) -> pd.DataFrame:
-    """The measures that need no truth, where there is one: they can be held against it."""
+    """The measures without ground truth, to compare them with the errors."""
     if not any(row["errors"] for row in rows):
-        return pd.DataFrame()  # they stand in the one table
+        return pd.DataFrame()  # the main table contains them
     found = unaided.measures(rows)
     return frame_of({label(row): found[row["algorithm"]] for row in rows})
 
 
 def starts_table(_: Line, rows: Rows) -> pd.DataFrame:
-    """Errors of the relations when the run begins at other scans of the log."""
+    """Errors of the relations for runs that start at other scans of the log."""
     lines: dict[str, Line] = {}
     for row in rows:
         if found := row.get("starts"):
             above = {f"above {found['limit_m']:g} m": f"{found['above']} of {found['n']}"}
-            lines[label(row)] = line(row, STARTS) | above
+            lines[label(row)] = line(row, START_COLUMNS) | above
     return frame_of(lines)
 
 
 def relation_table(log: Line, rows: Rows) -> pd.DataFrame:
-    """[Kuemmerle09]: absolute errors; the published ones of the log below."""
+    """[Kuemmerle09]: absolute errors of the relations, with the published errors of the log."""
     found = frame_of({label(row): line(row, _relations("all")) for row in rows})
     known = {"[m]": "translation_mean", "± [m]": "translation_std"}
     known |= {"[rad]": "rotation_mean", "± [rad]": "rotation_std"}
@@ -153,16 +153,16 @@ def relation_table(log: Line, rows: Rows) -> pd.DataFrame:
 
 
 def published(kind: str, log: str | None = None) -> list[Line]:
-    """Figures printed in papers or measured from the published programs."""
-    known = pd.read_csv(PUBLISHED)
+    """Figures from papers, or measured with the published programs."""
+    known = pd.read_csv(PUBLISHED_FILE)
     chosen = known[(known["kind"] == kind) & ((known["log"] == log) | (log is None))]
     return [{str(key): one for key, one in row.items()} for row in chosen.to_dict("records")]
 
 
 def published_table(_: Line, rows: Rows) -> pd.DataFrame:
-    """[Kuehn] Tables I and II as printed, and what was measured of the programs on another log.
+    """[Kuehn] Tables I and II as printed, and measurements of the programs on another log.
 
-    Beside runs of our versions of those programs only.
+    Empty unless our versions of these programs ran.
     """
     known = published("update")
     if not {row["ours"] for row in known} & {row["algorithm"] for row in rows}:
@@ -186,9 +186,9 @@ def published_table(_: Line, rows: Rows) -> pd.DataFrame:
 def logs_table(comparison: Comparison) -> pd.DataFrame:
     """A line per algorithm over all logs: lost runs, rank, mean and worst log.
 
-    The error that counts is that over a second, or of the relations in a log without truth. A run
-    that failed or was lost ranks behind all others, and has no part in the mean. Without either
-    the rank is that of `unaided.mean_ranks`.
+    The error is that over 1 s, or of the relations in a log without ground truth. Failed and lost
+    runs rank last and do not enter the mean. Without any error the rank is that of
+    `unaided.mean_ranks`.
     """
     runs = comparison.by_algorithm()
     lost = {name: [is_lost(row) for row in rows] for name, rows in runs.items()}
@@ -207,9 +207,9 @@ def logs_table(comparison: Comparison) -> pd.DataFrame:
         return table.assign(**{"mean rank": pd.Series(ranks, dtype=float)}).dropna(
             axis=1, how="all"
         )
-    behind = errors.fillna(math.inf)
-    worst = behind.to_numpy().argmax(axis=0)
-    table["mean rank"] = behind.rank(axis=1).mean()
+    ranked = errors.fillna(math.inf)
+    worst = ranked.to_numpy().argmax(axis=0)
+    table["mean rank"] = ranked.rank(axis=1).mean()
     table["mean [mm]"] = 1e3 * errors.mean()
     table["worst [mm]"] = 1e3 * errors.max(skipna=False)
     table["worst log"] = [comparison.logs[k].entry["name"] for k in worst]
@@ -217,11 +217,11 @@ def logs_table(comparison: Comparison) -> pd.DataFrame:
 
 
 def _by(columns: Columns) -> Maker:
-    """The table that has these columns and nothing else."""
+    """A maker of the table with these columns."""
     return lambda _, rows: frame_of({label(row): line(row, columns) for row in rows})
 
 
-# by the name of its file: the title, and what makes it
+# title and maker of each table, by the name of its file
 TABLES: dict[str, tuple[str, Maker]] = {
     "main": ("Error, cost and whether the run was lost", main_table),
     "translation": (
@@ -234,28 +234,28 @@ TABLES: dict[str, tuple[str, Maker]] = {
     ),
     "published": ("Published, per update, on other logs", published_table),
     "spans": (
-        "The same over equal times and ways: mean error [mm] and [mrad], SE(2)",
+        "The same over equal times and distances: mean error [mm] and [mrad], SE(2)",
         _by(SPAN_COLUMNS),
     ),
-    "overview": ("Whole run: drift, where it was lost, where its poses come from", _by(OVERVIEW)),
+    "overview": ("Whole run: drift, point of loss, source of the poses", _by(OVERVIEW_COLUMNS)),
     "relations": ("Errors of the relations, mean and deviation", relation_table),
-    "starts": ("The same from other start scans: how much of it was luck", starts_table),
+    "starts": ("The same from other start scans", starts_table),
     "parts": (
-        "Errors of the relations, those between near stamps and the loops apart",
+        "Errors of the relations, local ones and loops separately",
         _by(_relations("local", "local ") | _relations("loop", "loop ")),
     ),
     "unaided": (
-        "Measures that need no truth, to hold against it; less is better",
+        "Measures without ground truth, for comparison; less is better",
         unaided_table,
     ),
-    "maps": ("Maps against the true one", _by(MAPS)),
-    "cost": ("Cost on one thread", _by(COST)),
+    "maps": ("Maps compared with the true one", _by(MAP_COLUMNS)),
+    "cost": ("Cost on one thread", _by(COST_COLUMNS)),
 }
 
 
 def tables(log: Line, rows: Rows) -> dict[str, Table]:
-    """All tables of one log that have anything to say, by their names."""
+    """All tables of one log that are not empty, by their names."""
     done = [row for row in rows if not row["failed"]]
     made = {key: Table(title, maker(log, done)) for key, (title, maker) in TABLES.items()}
-    made["published"] = made["published"]._replace(note=DIFFERS)
+    made["published"] = made["published"]._replace(note=PUBLISHED_NOTE)
     return {key: one for key, one in made.items() if one.frame.size}

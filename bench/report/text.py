@@ -1,4 +1,4 @@
-"""Tables as text for a terminal, markdown for a README, csv for all else."""
+"""Tables as text for a terminal, as markdown and as csv."""
 
 from __future__ import annotations
 
@@ -16,13 +16,11 @@ from bench.results import Line, Rows
 if TYPE_CHECKING:
     from bench.results import Comparison
 
-TERMINAL = ("main", "starts")
-
 
 def cells(frame: pd.DataFrame, corner: str, bold: str = "") -> list[list[str]]:
-    """Head, with `corner` over the names of the lines, and body of a table as text.
+    """Header and body of a table as text.
 
-    `bold` is what stands around an answer.
+    `corner` is the header of the first column, `bold` replaces the marks of bold text.
     """
     head = [corner, *map(str, frame.columns)]
     body = [
@@ -33,7 +31,7 @@ def cells(frame: pd.DataFrame, corner: str, bold: str = "") -> list[list[str]]:
 
 
 def text_table(frame: pd.DataFrame, corner: str = "algorithm") -> str:
-    """A frame in aligned columns."""
+    """A frame as text in aligned columns."""
     (_, *head), *body = cells(frame, corner)
     names, values = [line[0] for line in body], [line[1:] for line in body]
     return pd.DataFrame(values, names, pd.Index(head, name=corner)).to_string()
@@ -47,7 +45,7 @@ def markdown_table(frame: pd.DataFrame, corner: str = "algorithm") -> str:
 
 
 def titled(one: Table) -> str:
-    """A markdown table below its title, its note below it."""
+    """Title, markdown table and note."""
     parts = [f"**{one.title}**", markdown_table(one.frame, one.corner), one.note]
     return "\n\n".join(part for part in parts if part)
 
@@ -58,10 +56,10 @@ def head(log: Line) -> str:
 
 
 def terminal(comparison: Comparison) -> str:
-    """The answer, then one table for each log; the files have more."""
+    """The answer, then one table for each log."""
     parts = ["\n".join(words.answer(comparison))]
     if len(comparison.logs) > 1:
-        parts += [tables.OVER_LOGS, text_table(tables.logs_table(comparison))]
+        parts += [tables.OVER_LOGS_TITLE, text_table(tables.logs_table(comparison))]
     parts += [as_text(log.entry, log.rows) for log in comparison.logs]
     return "\n\n".join(parts)
 
@@ -70,7 +68,7 @@ def as_text(log: Line, rows: Rows) -> str:
     """The comparison on one log, for a terminal."""
     made = tables.tables(log, rows)
     parts = [head(log), *(f"note: {note}" for note in log.get("notes", []))]
-    for key in TERMINAL:
+    for key in ("main", "starts"):
         if key in made:
             parts += [*([made[key].title] if key != "main" else []), text_table(made[key].frame)]
     return "\n\n".join([*parts, *words.failures(rows)])

@@ -1,4 +1,4 @@
-"""Runs of a log without a truth: the measures that need none, and what they say together."""
+"""Runs of a log without ground truth: measures of consistency, and the answer by them."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from bench.results import Line, Rows
 if TYPE_CHECKING:
     from bench.results import Comparison
 
-# heading of a table, what it is called in a sentence
-MEASURES = {
+# column of a table: its name in a sentence
+MEASURE_WORDS = {
     "walls [x]": "wall area",
     "revisits [mm]": "error at revisits",
     "disagreement [mm]": "agreement with the others",
     "conflict [%]": "conflict with the map",
 }
-# by their rank correlation with the truth, docs/comparison.md; two runs alone are equally far apart
-DECIDING, OF_TWO = ("disagreement [mm]",), ("walls [x]", "revisits [mm]")
-COLUMNS: Columns = {
+# chosen by rank correlation (docs/comparison.md); two runs always have equal disagreement
+DECIDING_MEASURES, MEASURES_OF_TWO_RUNS = ("disagreement [mm]",), ("walls [x]", "revisits [mm]")
+MEASURE_COLUMNS: Columns = {
     "revisits [mm]": ("consistency/revisits_m", 1e3),
     "disagreement [mm]": ("disagreement_m", 1e3),
     "conflict [%]": ("conflict", 1e2),
 }
-FEWEST = 3  # runs of which one can be the odd one out
+MIN_RUNS = 3  # for disagreement to single out one of them
 
 
 def measures(rows: Rows) -> dict[str, Line]:
-    """The measures of each run, by the algorithm's name; less is better in all of them."""
+    """The measures of each run, by the algorithm's name; less is better for all."""
     whole = [row for row in rows if not row["failed"]]
     areas = [found["walls_m2"] for row in whole if (found := row.get("consistency"))]
     least = min((area for area in areas if area > 0.0), default=None)
@@ -38,12 +38,12 @@ def measures(rows: Rows) -> dict[str, Line]:
     for row in whole:
         area = value(row, "consistency/walls_m2")
         walls = area / least if area and least else None
-        every[row["algorithm"]] = {"walls [x]": walls} | line(row, COLUMNS)
+        every[row["algorithm"]] = {"walls [x]": walls} | line(row, MEASURE_COLUMNS)
     return every
 
 
 def ranks(found: dict[str, Line]) -> dict[str, float]:
-    """Mean rank of each algorithm over the measures that decide; 1 is the best."""
+    """Mean rank of each algorithm over the deciding measures; 1 is the best."""
     from scipy.stats import rankdata
 
     used = deciding(found)
@@ -54,10 +54,11 @@ def ranks(found: dict[str, Line]) -> dict[str, float]:
 
 
 def deciding(found: dict[str, Line]) -> list[str]:
-    """The measures that decide between these runs, which all of them have."""
-    wanted = DECIDING if len(found) >= FEWEST else OF_TWO
+    """The measures that decide between these runs, if all runs have them."""
+    wanted = DECIDING_MEASURES if len(found) >= MIN_RUNS else MEASURES_OF_TWO_RUNS
     there = [key for key in wanted if all(line[key] is not None for line in found.values())]
-    return there or [key for key in OF_TWO if all(line[key] is not None for line in found.values())]
+    two = MEASURES_OF_TWO_RUNS
+    return there or [key for key in two if all(line[key] is not None for line in found.values())]
 
 
 def mean_ranks(comparison: Comparison, names: set[str]) -> tuple[dict[str, float], list[str]]:
@@ -73,15 +74,15 @@ def mean_ranks(comparison: Comparison, names: set[str]) -> tuple[dict[str, float
 
 
 def answer(comparison: Comparison, names: set[str]) -> list[str]:
-    """Which one comes first by the measures without a truth, over all logs."""
+    """The recommendation by the measures without ground truth, over all logs."""
     mean, used = mean_ranks(comparison, names)
     if not mean:
-        return ["The log has neither truth nor relations, and no run can be judged without them."]
+        return ["The log has neither ground truth nor relations: the runs cannot be compared."]
     order = sorted(mean, key=lambda name: mean[name])
-    words = listed([MEASURES[key] for key in used])
+    words = listed([MEASURE_WORDS[key] for key in used])
     shown = [f"{name} ({mean[name]:.1f})" for name in order[:4]]
     return [
         f"Without a truth: take {order[0]}, first by {words}.",
-        f"Mean ranks: {listed(shown)}. That tells bad runs from good ones, not two good ones "
-        "apart, and runs that err alike agree: look at the maps.",
+        f"Mean ranks: {listed(shown)}. They separate bad runs from good ones, but not two good "
+        "ones, and runs with the same error agree: look at the maps.",
     ]

@@ -1,11 +1,12 @@
-"""The answer in words: which one to take, what else is as good, what is lost or too slow."""
+"""The answer in sentences: recommended and equal algorithms, lost and slow runs."""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
-from bench.judge.verdicts import SIGNIFICANT
+from bench.judge.answers import SAME_ACCURACY_RATIO
+from bench.judge.statistics import SIGNIFICANCE_LEVEL
 from bench.report import unaided
 from bench.report.lines import cell, is_lost, listed, value
 from bench.report.pareto import Point, points
@@ -15,11 +16,9 @@ from slams.registry import BASELINES
 if TYPE_CHECKING:
     from bench.results import Comparison
 
-SAME = 1.25  # times the least error is the same accuracy, if chance may make the difference
-
 
 def answer(comparison: Comparison) -> list[str]:
-    """Which one to take, on what grounds, and what else there is to know; a sentence each."""
+    """The recommendation, its reason, and lost or slow runs; a sentence each."""
     every = points(comparison)
     own = [one for one in every if one.name.partition("@")[0] not in BASELINES] or every
     least = min((one.lost for one in own), default=0)
@@ -32,17 +31,17 @@ def answer(comparison: Comparison) -> list[str]:
 
 
 def failures(rows: Rows) -> list[str]:
-    """A sentence for each run that ended early."""
+    """A sentence for each run that failed."""
     return [f"{row['algorithm']} failed: {row['failed']}" for row in rows if row["failed"]]
 
 
 def neighbors(verdicts: list[Line]) -> list[Line]:
-    """Of all pairs, those of algorithms that follow one another in the order of their errors."""
+    """The pairs of algorithms that are neighbors in the order of their errors."""
     return [verdict for verdict in verdicts if verdict["next"]]
 
 
 def _take(comparison: Comparison, kept: list[Point]) -> list[str]:
-    """The most accurate; of those as accurate within chance the cheapest."""
+    """The most accurate algorithm; among equally accurate ones the cheapest."""
     known = [one for one in kept if not math.isnan(one.error_mm)]
     judged = sorted(known, key=lambda one: one.error_mm)
     best = judged[0]
@@ -52,10 +51,10 @@ def _take(comparison: Comparison, kept: list[Point]) -> list[str]:
     over = "over 1 s" if with_truth else "by the relations"
     what = f"{_mm(taken)} {over}{_cost(taken)}"
     others = [one.name for one in equal if one is not taken]
-    verb = "Take" if not taken.lost else "The most accurate all the same is"
+    verb = "Take" if not taken.lost else "The most accurate one is still"
     words = [f"{verb} {taken.name}: {what}."]
     if others:
-        words.append(f"As accurate within chance, and dearer: {listed(others)}.")
+        words.append(f"As accurate within chance, but slower: {listed(others)}.")
     behind = [one for one in judged if one not in equal]
     if behind:
         words.append(
@@ -68,9 +67,9 @@ def _take(comparison: Comparison, kept: list[Point]) -> list[str]:
 
 
 def _alike(comparison: Comparison, best: Point, other: Point) -> bool:
-    """Whether chance may make the difference of two in translation, and it is a small one."""
-    if other.error_mm > SAME * best.error_mm:
-        return False  # a log too short to prove anything proves no equality
+    """Whether the translation errors of two algorithms differ little and not significantly."""
+    if other.error_mm > SAME_ACCURACY_RATIO * best.error_mm:
+        return False  # on a short log even large differences are not significant
     several = len(comparison.logs) > 1
     found = comparison.over_logs if several else comparison.logs[0].entry.get("verdicts") or []
     for verdict in found:
@@ -78,12 +77,12 @@ def _alike(comparison: Comparison, best: Point, other: Point) -> bool:
             "measure"
         ] == "translation":
             p_value = verdict["p_value"]
-            return not (p_value is not None and p_value < SIGNIFICANT)
+            return not (p_value is not None and p_value < SIGNIFICANCE_LEVEL)
     return False
 
 
 def _lost(comparison: Comparison) -> list[str]:
-    """The algorithms that were lost or failed, on how many logs, on one log when."""
+    """The lost or failed algorithms: number of logs, or on one log the time of the loss."""
     words = []
     for name, rows in comparison.by_algorithm().items():
         lost = [row for row in rows if is_lost(row)]
@@ -102,10 +101,10 @@ def _when(row: Row) -> str:
 
 
 def _slow(rows: Rows) -> list[str]:
-    """The algorithms for which the scans came too fast."""
+    """The algorithms slower than real time."""
     costs = [(row["algorithm"], row.get("cost") or {}) for row in rows]
     slow = dict.fromkeys(name for name, cost in costs if 0 < cost.get("real_time_factor", 0) < 1)
-    return [f"Slower than the scans came: {listed([*slow])}."] if slow else []
+    return [f"Slower than real time: {listed([*slow])}."] if slow else []
 
 
 def _cost(one: Point) -> str:

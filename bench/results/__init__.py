@@ -1,7 +1,4 @@
-"""Results as typed values, written and read: of a comparison here, of a sweep in `sweep`.
-
-Everything the benchmark shows is drawn from these.
-"""
+"""Typed results of the benchmark, written and read: comparisons here, sweeps in `sweep`."""
 
 from __future__ import annotations
 
@@ -19,12 +16,12 @@ from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2
 if TYPE_CHECKING:
     from bench.judge.metrics import Common, SpanErrors
 
-FORMAT = "results-4"
-FIGURES = "results.json"
+RESULTS_FORMAT = "results-4"
+RESULTS_FILE = "results.json"
 
 
 class Errors(TypedDict):
-    """Against the truth: `spans` have the moments of the errors over each span of time or way."""
+    """Errors against ground truth; `spans` has the moments over each span of time or distance."""
 
     dropped: int
     spans: dict[str, dict[str, Any]]
@@ -34,11 +31,11 @@ class Errors(TypedDict):
 
 
 class Row(TypedDict, total=False):
-    """Every figure of one run, as it stands in results.json; None where it has no meaning.
+    """The figures of one run as in results.json; None where a figure is not meaningful.
 
-    A run that failed has `algorithm`, `log` and the reason in `failed`, and nothing else. `used`
-    are the sensors the poses come from, None where nobody knows; `posed` and `refined` the shares
-    of the scans that the paper's own mechanism and the step behind it took part in.
+    A failed run has only `algorithm`, `log` and the reason in `failed`. `used` are the sensors
+    behind the poses, None if unknown; `posed` and `refined` are the shares of scans that were
+    matched by the paper's mechanism and that were refined.
     """
 
     algorithm: str
@@ -72,11 +69,10 @@ Line = dict[str, Any]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one run; a failed one has only its row.
+    """The result of one run; a failed run has only its row.
 
-    `t` (n,) [s], `poses` (n, 3); `grid` lies in the frame of the first pose, or, where another
-    program drew it, in one in which the first pose is `frame`; `common` are the poses that have a
-    truth, beside it.
+    `t` (n,) [s], `poses` (n, 3). `frame` is the first pose in the frame of `grid`, not the identity
+    for maps of other programs. `common` are the poses with their ground truth.
     """
 
     row: Row
@@ -88,17 +84,17 @@ class Outcome:
 
     @cached_property
     def errors(self) -> dict[str, SpanErrors]:
-        """The errors over every span that the log has, by the span's name."""
+        """The errors over each span that the log has, by the span's name."""
         from bench.judge import metrics
 
         return {} if self.common is None else metrics.errors_over_spans(self.common)
 
 
 class Reference(NamedTuple):
-    """What is known of a log besides its scans.
+    """The ground truth of a log.
 
-    `entry` is the log's in results.json; `path` (n, 3) the truth seen from its first pose, `grid`
-    the true map in the frame of the world, `start` the first true pose in it.
+    `entry` is the log's part of results.json, `path` (n, 3) the true path in the frame of its first
+    pose, `grid` the true map in the world frame, `start` the first true pose in the world frame.
     """
 
     entry: Line
@@ -108,7 +104,7 @@ class Reference(NamedTuple):
 
 
 class LogResult(NamedTuple):
-    """Everything that came of one log."""
+    """All results on one log."""
 
     reference: Reference
     outcomes: list[Outcome]
@@ -125,10 +121,9 @@ class LogResult(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """Everything that came of a comparison.
+    """All results of a comparison.
 
-    `facts` tell how it was made (command, machine, versions), `over_logs` are the verdicts over all
-    its logs.
+    `facts` are command, machine and versions; `over_logs` are the tests over all its logs.
     """
 
     facts: Line
@@ -150,7 +145,7 @@ class Comparison(NamedTuple):
     def as_dict(self) -> Line:
         """The content of results.json."""
         return {
-            "format": FORMAT,
+            "format": RESULTS_FORMAT,
             **self.facts,
             "logs": [log.entry for log in self.logs],
             "rows": self.rows,
@@ -159,17 +154,17 @@ class Comparison(NamedTuple):
 
 
 def write_figures(path: Path, figures: Mapping[str, Any]) -> None:
-    """Write a dict of figures as strict JSON: what is not finite becomes null."""
+    """Write a dict of figures as strict JSON; numbers that are not finite become null."""
     from slams.summary import as_json
 
     path.write_text(as_json(dict(figures)), encoding="utf-8")
 
 
 def read_figures(path: str | Path, expected: str | None = None) -> Line:
-    """Read what `write_figures` wrote, of the format that is expected.
+    """Read a file of `write_figures` and check its format.
 
     Raises:
-        ValueError: it is no JSON object, or of another format.
+        ValueError: it is no JSON object, or has another format.
     """
     try:
         found = json.loads(Path(path).read_text(encoding="utf-8"))

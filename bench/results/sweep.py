@@ -1,4 +1,4 @@
-"""Results of a sweep: one figure row per trial, what it cost beside it."""
+"""Results of a sweep: the figures and the cost of each trial."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from typing import Any, NamedTuple, TypedDict
 
 from bench.results import Line, read_figures, write_figures
 
-FORMAT = "sweep-2"
-CLEAN = "clean"  # the degradation that is none
-TRIALS, COSTS = "sweep.json", "costs.json"
+SWEEP_FORMAT = "sweep-2"
+CLEAN = "clean"  # the drive without degradation
+TRIALS_FILE, COSTS_FILE = "sweep.json", "costs.json"
 
 
 class Trial(TypedDict, total=False):
     """One algorithm on one log at one level of a degradation; the same wherever it ran.
 
-    A trial that failed has the reason in `failed` and no figures. `place` is the kind of arena, or
-    the log's name; `odometry` whether wheels and gyro were given. `lost` as in `bench.judge.loss`;
-    `right_again`: within the limits at the end all the same (None: never lost). `wheels_ate_m` is
-    the error of the odometry by itself.
+    A failed trial has the reason in `failed` and no figures. `place` is the kind of arena, or the
+    log's name; `odometry`: whether wheels and gyro were used. `lost` as in `bench.judge.loss`;
+    `right_again`: within the limits again at the end (None: never lost). `wheels_ate_m` is the
+    error of the odometry alone.
     """
 
     algorithm: str
@@ -44,16 +44,16 @@ class Trial(TypedDict, total=False):
 
 
 class Cost(TypedDict):
-    """What a trial cost, on one machine at one time: CPU of all updates [s]."""
+    """CPU time of all updates of a trial [s], on one machine."""
 
     cpu_s: float
 
 
 class Sweep(NamedTuple):
-    """Trials in the order they were asked for, the cost of each, and how they were made.
+    """Trials in the order of the command, the cost of each, and the record.
 
-    The trials of one climb follow each other, its levels rising up to the first that lost the run.
-    `facts` hold on every machine (degradations with units and levels, logs with seeds, sensor);
+    The trials of one climb are consecutive, with rising levels up to the first lost one. `facts`
+    are the same on every machine (degradations with units and levels, logs with seeds, sensor);
     `record` has the command, the machine and the versions.
     """
 
@@ -64,23 +64,24 @@ class Sweep(NamedTuple):
 
 
 def save(folder: Path, sweep: Sweep) -> None:
-    """Write sweep.json, the same bytes wherever it was made, and costs.json, which never is."""
-    figures: dict[str, Any] = {"format": FORMAT, **sweep.facts, "trials": sweep.trials}
-    write_figures(folder / TRIALS, figures)
-    write_figures(folder / COSTS, {"record": sweep.record, "costs": sweep.costs})
+    """Write sweep.json, with the same bytes on every machine, and costs.json."""
+    figures: dict[str, Any] = {"format": SWEEP_FORMAT, **sweep.facts, "trials": sweep.trials}
+    write_figures(folder / TRIALS_FILE, figures)
+    write_figures(folder / COSTS_FILE, {"record": sweep.record, "costs": sweep.costs})
 
 
 def read(folder: str | Path) -> Sweep:
-    """Read what `save` wrote.
+    """Read the files of `save`.
 
     Raises:
         OSError: a file cannot be opened.
-        ValueError: it is damaged or of another version; the sentence says why.
+        ValueError: a file is damaged or has another version.
     """
     folder = Path(folder)
-    found, spent = read_figures(folder / TRIALS, FORMAT), read_figures(folder / COSTS)
+    found = read_figures(folder / TRIALS_FILE, SWEEP_FORMAT)
+    spent = read_figures(folder / COSTS_FILE)
     trials = found.pop("trials")
     if len(spent["costs"]) != len(trials):
-        raise ValueError(f"{folder}: {COSTS} is of another sweep than {TRIALS}; run it again")
+        raise ValueError(f"{folder}: costs.json is of another sweep than sweep.json; run it again")
     facts = {key: value for key, value in found.items() if key != "format"}
     return Sweep(facts, trials, spent["costs"], spent["record"])

@@ -1,1 +1,1 @@
-"""Do the work: one algorithm over one log, in processes of their own, with what it cost."""
+"""Run algorithms over logs in separate processes, and measure their cost."""

@@ -1,4 +1,4 @@
-"""Cases: which algorithm runs on which log, and what came of it. One case is one process' work."""
+"""Cases: one algorithm on one log, and its outcome. Each case runs in its own process."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 
-import slams.jit  # noqa: F401 so that numba is loaded before the memory is measured
+import slams.jit  # noqa: F401 loads numba before the memory is measured
 from bench.judge import loss, mapquality, metrics
 from bench.results import Errors, Outcome, Reference, Row
 from bench.run.single import algorithm_of
@@ -29,11 +29,11 @@ from slams.types import Confident, Floats, Pose2, Scan, Slam
 
 @dataclass(frozen=True)
 class Choice:
-    """Which part of a log is used and how; the seed of a simulated one.
+    """Which part of a log is used and how, and the seed of a simulated log.
 
-    `options` say how a recorded log is read. By label: `params` of the algorithms that do not have
-    the usual ones, and of these what came from `ros` files. Runs are judged by `relations`, too,
-    each algorithm begun at so many scans.
+    `options` for reading a recorded log. By label: `params` of algorithms that differ from their
+    presets, and `ros`, the parameters from ROS files. `relations` (k, 5) for the evaluation;
+    `starts` is the number of start scans.
     """
 
     limit: int | None = None
@@ -52,7 +52,7 @@ class Choice:
 
 
 def reference(log: ScanLog) -> Reference:
-    """Everything known of a log."""
+    """The ground truth and the figures of a log."""
     entry = facts(log)
     truth = log.truth_at(log.t)
     if truth is None:
@@ -66,7 +66,7 @@ def reference(log: ScanLog) -> Reference:
 
 
 def facts(log: ScanLog) -> dict[str, Any]:
-    """The log's own figures."""
+    """The figures of a log."""
     entry: dict[str, Any] = {
         "name": log.name,
         "scans": len(log),
@@ -90,7 +90,7 @@ def facts(log: ScanLog) -> dict[str, Any]:
 
 
 def replayed(label: str, log: ScanLog, choice: Choice) -> Outcome:
-    """Replay a log through the algorithm `label`; raises whatever that raises."""
+    """Replay a log through the algorithm `label`; its exceptions propagate."""
     entry = find(algorithm_of(label))
     params = choice.params.get(label) or entry.params()
     with PeakMemory() as memory:
@@ -112,21 +112,21 @@ def replayed(label: str, log: ScanLog, choice: Choice) -> Outcome:
 
 
 def _watched(log: ScanLog, slam: Slam, quality: list[float]) -> Iterator[Scan]:
-    """The scans; gathers the share of each that the map explains, where the algorithm tells it."""
-    tells = slam if isinstance(slam, Confident) else None
+    """The scans; appends the match quality of each to `quality`, if the algorithm has it."""
+    confident = slam if isinstance(slam, Confident) else None
     for scan in log:
         yield scan
-        if tells is not None:
-            quality.append(tells.quality)
+        if confident is not None:
+            quality.append(confident.quality)
 
 
 def failed(label: str, log: ScanLog, reason: str) -> Outcome:
-    """A run of which there is nothing but the reason."""
+    """The outcome of a failed run: only its reason."""
     return Outcome({"algorithm": label, "log": log.name, "failed": reason})
 
 
 def relation_error(outcome: Outcome) -> float | None:
-    """Mean error of the relations [m]; None of a run that failed or was lost."""
+    """Mean error of the relations [m]; None for failed and lost runs."""
     row = outcome.row
     known = None if row["failed"] else (row["relations"] or {}).get("all")
     if known is None or row["loss"]["lost"]:
@@ -135,9 +135,9 @@ def relation_error(outcome: Outcome) -> float | None:
 
 
 def sources(report: dict[str, Any], scans: int) -> Row:
-    """Which sensors the poses come from, and whose steps they were, as the run reports it."""
+    """The sensors behind the poses, and the shares of matched and refined scans, by the report."""
     wheels, gyro = report.get("odometry", 0), report.get("gyro", 0)
-    blind = report.get("laser", scans) == 0  # a baseline that never looks at the ranges
+    blind = report.get("laser", scans) == 0  # a baseline without the ranges
     used = [n for n, count in (("laser", not blind), ("wheels", wheels), ("gyro", gyro)) if count]
     shares = {key: report[key] / scans if key in report else None for key in ("posed", "refined")}
     return {"failed": None, "used": used, "posed": shares["posed"], "refined": shares["refined"]}
@@ -146,7 +146,7 @@ def sources(report: dict[str, Any], scans: int) -> Row:
 def judged(
     log: ScanLog, t: Floats, poses: Floats, relations: Floats | None, report: dict[str, Any]
 ) -> Row:
-    """Poses against the log's truth and the relations, as far as there are any."""
+    """Errors of poses against the log's ground truth and the relations, if they exist."""
     common = metrics.common_with(log, t, poses)
     found = None if relations is None else metrics.relation_errors(t, poses, relations)
     return {
@@ -157,7 +157,7 @@ def judged(
 
 
 def _against_truth(common: metrics.Common) -> Errors:
-    """[Kuehn] Tables I and II over every span; ATE and drift."""
+    """[Kuehn] Tables I and II over each span; ATE and drift."""
     length = path_length(common.truth)
     end = float(math.hypot(*(common.estimate[-1, :2] - common.truth[-1, :2])))
     spans = metrics.errors_over_spans(common)
@@ -180,7 +180,7 @@ def _moments(errors: metrics.SpanErrors) -> dict[str, Any]:
 
 
 def _relations(found: metrics.RelationErrors) -> dict[str, Any]:
-    """[Kuemmerle09]: absolute errors of all relations, and of the local ones and loops apart."""
+    """[Kuemmerle09]: absolute errors of all relations, of local ones and of loops."""
     result: dict[str, Any] = {"used": len(found.t), "given": found.given}
     parts = {"all": np.ones(len(found.t), bool), "local": ~found.loop, "loop": found.loop}
     for name, part in parts.items():
@@ -197,7 +197,7 @@ def _losses(
     t: Floats,
     report: dict[str, Any],
 ) -> dict[str, Any]:
-    """Whether the run was lost: by each witness there is, and by the best of them."""
+    """Whether the run was lost: by each criterion, and by the most reliable one."""
     verdicts: dict[str, Any] = {"report": loss.by_report(report, len(t))}
     if found is not None and len(found.t):
         verdicts["relations"] = loss.by_relations(found, float(t.min()))
@@ -212,7 +212,7 @@ def read_relations(path: str | Path) -> Floats:
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: it has no relation, other columns, or no numbers.
+        ValueError: it has no relation, other columns, or invalid numbers.
     """
     text = Path(path).read_text(encoding="utf-8", errors="replace")
     rows = [line.split() for line in text.splitlines() if line.strip()]

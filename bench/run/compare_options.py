@@ -1,4 +1,4 @@
-"""Options of slams compare: what they are and what they ask for. Light: help reads it."""
+"""Options of slams compare. Imports stay fast for --help."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from slams.ros.ros_params import Taken
     from slams.scanlog import ScanLog
 
-IDEA, ORIGINAL = "paper", "original"  # presets compared beside the defaults
+IDEA_PRESET, ORIGINAL_PRESET = "paper", "original"  # compared beside the defaults
 QUICK_SCANS = 2400
 
 
@@ -37,7 +37,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="NAME",
         nargs="+",
         help="name, name@preset, module:Class, or a variant NAME:KEY=VALUE,... as a row of its own "
-        f"(default: {' '.join(names())}, and NAME@{IDEA} of each that has one)",
+        f"(default: {' '.join(names())}, and NAME@{IDEA_PRESET} of each that has one)",
     )
     p.add_argument(
         "--out",
@@ -63,7 +63,7 @@ def parser() -> argparse.ArgumentParser:
         type=cli.count,
         default=1,
         metavar="N",
-        help="with --relations: run from N start scans, as one start can be luck",
+        help="with --relations: run from N start scans, as a single start can be chance",
     )
     p.add_argument(
         "--trajectory",
@@ -107,15 +107,15 @@ def parser() -> argparse.ArgumentParser:
 
 
 def labels_of(arguments: argparse.Namespace) -> list[str]:
-    """The algorithms asked for; else all, their ideas alone, and with --full the originals."""
+    """The selected algorithms; else all, with their ideas, and with --full the originals."""
     if arguments.algorithms:
         return list(arguments.algorithms)
-    presets = (ORIGINAL, IDEA, "") if arguments.full else (IDEA, "")
+    presets = (ORIGINAL_PRESET, IDEA_PRESET, "") if arguments.full else (IDEA_PRESET, "")
     return single.with_presets(names(), presets)
 
 
 def checked(arguments: argparse.Namespace, labels: list[str]) -> tuple[Choice, list[ScanLog]]:
-    """Everything the user gave, read once before the work starts."""
+    """The choice and the logs, read and checked before the runs start."""
     from bench.run.cases import read_relations
 
     _check_options(arguments)
@@ -132,26 +132,26 @@ def checked(arguments: argparse.Namespace, labels: list[str]) -> tuple[Choice, l
 
 def _check_options(arguments: argparse.Namespace) -> None:
     if arguments.starts > 1 and arguments.relations is None:
-        raise ValueError("--starts: expected --relations FILE as well, errors are of those")
+        raise ValueError("--starts: expected --relations FILE as well")
     if arguments.logs and arguments.duration is not None:
-        raise ValueError("--duration: is of the simulation; got a log as well")
+        raise ValueError("--duration: only for a simulated log; got a log as well")
     check_log_options(arguments.logs, cli.log_options(arguments))
 
 
 def check_log_options(logs: Sequence[str], options: SourceOptions) -> None:
-    """Refuse what says how a log is read where there is none.
+    """Refuse options for reading logs without a log.
 
     Raises:
-        ValueError: no log is given, but an option of one.
+        ValueError: an option for logs is given, but no log.
     """
     given = [name for name, value in vars(options).items() if value != getattr(type(options), name)]
     if given and not logs:
         option = given[0].replace("_", "-")
-        raise ValueError(f"--{option}: got no log, expected the one it is of")
+        raise ValueError(f"--{option}: got no log, expected the log to read")
 
 
 def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
-    """What the options say of logs and parameters; every algorithm can be run with it."""
+    """The choice of logs and parameters from the options, for all algorithms."""
     from bench.run.cases import Choice
 
     common, named = single.seeds(arguments.seed)
@@ -173,7 +173,7 @@ def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
 
 
 def _ros(given: list[str], labels: list[str], sensor: str | None) -> dict[str, Taken]:
-    """What the files of ROS nodes say for each algorithm that has some."""
+    """The parameters from files of ROS nodes, by algorithm."""
     from slams.registry import find
     from slams.ros import ros_params
 

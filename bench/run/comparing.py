@@ -1,4 +1,4 @@
-"""All runs of a comparison: every algorithm on every log, each in a process of its own."""
+"""All runs of a comparison: every algorithm on every log, each in its own process."""
 
 from __future__ import annotations
 
@@ -20,16 +20,15 @@ if TYPE_CHECKING:
     from bench.run.cases import Choice
     from slams.scanlog import ScanLog
 
-
-LIMIT_M = 0.03  # of the relations' mean error: starts above it are counted
-LATEST_SHARE = 0.1  # of a log that may be left out at its start
-LATEST = 500  # scans that may, as so many have been left out of Intel in the measurements
+MAX_RELATION_ERROR = 0.03  # m, mean of the relations; starts above it are counted
+MAX_START_SHARE = 0.1  # of a log, skipped by the last start
+MAX_START_SCANS = 500  # skipped by the last start of a long log
 
 
 class Job(NamedTuple):
-    """One algorithm on the k-th log; no algorithm: what else is known of the log.
+    """One algorithm on the k-th log; without a label, the log's ground truth.
 
-    `first` is the scan it begins at, where it is run from several.
+    `first` is the first scan of a run with another start.
     """
 
     label: str | None
@@ -40,13 +39,13 @@ class Job(NamedTuple):
 def compared(
     labels: list[str], logs: list[ScanLog], choice: Choice, jobs: int, quiet: bool
 ) -> list[LogResult]:
-    """Every algorithm on every log; a run that fails leaves the others as they are.
+    """Run every algorithm on every log; a failed run does not affect the others.
 
     Raises:
-        RuntimeError: the truth of a log cannot be prepared.
+        RuntimeError: the ground truth of a log cannot be prepared.
     """
     calls: dict[Job, tuple[Any, tuple[Any, ...]]] = {}
-    # the last first: the baselines are slow, and a long case must not begin at the end
+    # in reverse order: the baselines are slow, and a long case must not begin last
     for k, log in reversed(list(enumerate(logs))):
         calls[Job(None, k)] = (reference, (log,))
         later = [] if choice.relations is None else start_scans(len(log), choice.starts)[1:]
@@ -63,7 +62,7 @@ def compared(
 
 
 def run(label: str, log: ScanLog, choice: Choice, first: int | None) -> Outcome | float | None:
-    """One run in this process; with `first`, only its error of the relations from that scan on."""
+    """One run in this process; with `first`, only its relation error from this scan on."""
     if first is not None:
         return relation_error(replayed(label, log.rows(slice(first, None)), choice))
     outcome = replayed(label, log, choice)
@@ -71,7 +70,7 @@ def run(label: str, log: ScanLog, choice: Choice, first: int | None) -> Outcome 
 
 
 def with_consistency(outcome: Outcome, log: ScanLog, poses: Floats) -> Outcome:
-    """The run with what its scans tell of it; poses (n, 3) at those of the log, nan for none."""
+    """The run with its consistency; poses (n, 3) at the log's scans, nan for missing ones."""
     from bench.judge.consistency import consistency
 
     found = consistency(log, poses)._asdict()
@@ -79,20 +78,19 @@ def with_consistency(outcome: Outcome, log: ScanLog, poses: Floats) -> Outcome:
 
 
 def start_scans(scans: int, n: int) -> list[int]:
-    """Scans to begin at, evenly from 0 to a tenth of the log's `scans` (`LATEST` at most).
+    """`n` first scans, evenly from 0 to a tenth of the log's `scans` (at most `MAX_START_SCANS`).
 
-    The same log begun at several tells a good algorithm from a lucky first map. As many as `n`,
-    both 1 or more, or fewer in a log too short for so many different ones.
+    Several starts separate a good algorithm from a lucky first map. A short log has fewer starts.
     """
-    latest = min(LATEST, int(LATEST_SHARE * scans))
+    latest = min(MAX_START_SCANS, int(MAX_START_SHARE * scans))
     return [int(first) for first in np.unique(np.round(np.linspace(0, latest, n)))]
 
 
 def spread_over_starts(errors: Sequence[float | None], limit: float) -> dict[str, Any]:
-    """The spread of one error over the starts, 1 or more; None is a lost run.
+    """Statistics of an error over several starts; None is a lost run.
 
-    `mean` is that of the runs that were not lost. In `median` and `worst` a lost run is as bad as
-    can be. `above` of the runs were above the limit, lost ones included.
+    `mean` is over the runs that were not lost. In `median` and `worst` a lost run has an infinite
+    error. `above` is the number of runs above the limit, with lost ones.
     """
     values = np.array([math.inf if error is None else error for error in errors])
     found = values[np.isfinite(values)]
@@ -107,20 +105,20 @@ def spread_over_starts(errors: Sequence[float | None], limit: float) -> dict[str
 
 
 def _outcome(found: dict[Job, Any], job: Job) -> Outcome:
-    """The run from the first scan, with the spread over all starts where there are several."""
+    """The run from the first scan, with the statistics over several starts."""
     outcome: Outcome = found[job]
     later = [found[other] for other in found if other[:2] == job[:2] and other.first]
     if not later or outcome.row["failed"]:
         return outcome
     errors = [relation_error(outcome), *later]
-    starts = spread_over_starts(errors, LIMIT_M)
+    starts = spread_over_starts(errors, MAX_RELATION_ERROR)
     return replace(outcome, row=outcome.row | {"starts": starts})
 
 
 def _result(job: Job, log: ScanLog, ended: Ended) -> Any:
-    """What came of a job: a run that raised, or whose process died, has failed."""
+    """The result of a job; a run that raised or whose process died has failed."""
     if ended.failure is None:
         return ended.value
     if job.label is None:
-        raise RuntimeError(f"{log.name}: its truth cannot be prepared: {ended.failure}")
+        raise RuntimeError(f"{log.name}: its ground truth cannot be prepared: {ended.failure}")
     return None if job.first is not None else failed(job.label, log, ended.failure)

@@ -1,4 +1,4 @@
-"""The folder of a command's results: named after the log, never that of other results."""
+"""The folder of a command's results, named after the log."""
 
 from __future__ import annotations
 
@@ -6,38 +6,38 @@ from collections.abc import Iterable
 from itertools import chain, count
 from pathlib import Path
 
-from bench.results import FIGURES
+from bench.results import RESULTS_FILE
 
-ROOT = Path("results")
-LONGEST = 60  # characters of a folder's name
+RESULTS_FOLDER = Path("results")
+MAX_NAME_LENGTH = 60  # characters of a folder's name
 
 
 def claimed(out: str | None, logs: Iterable[str], force: bool) -> Path:
     """The folder to write to.
 
     Args:
-        out: the one asked for; by default results/compare-LOG, with a number where it is taken.
-        logs: paths of the logs that the results are of.
-        force: results in the folder asked for may be replaced.
+        out: the requested folder; by default results/compare-LOG, with a number if it exists.
+        logs: paths of the logs.
+        force: existing results may be replaced.
 
     Raises:
         NotADirectoryError: it is a file.
-        FileExistsError: the folder asked for has files already.
+        FileExistsError: the requested folder has files already.
     """
     from slams.formats import files
 
     names = [Path(log).name.partition(".")[0] or "log" for log in logs]
-    usual = ROOT / "-".join(["compare", *names])[:LONGEST].rstrip("-")
+    default = RESULTS_FOLDER / "-".join(["compare", *names])[:MAX_NAME_LENGTH].rstrip("-")
     if out is None and not force:
-        files.check_folder(usual.parent)
-        numbered = (usual.with_name(f"{usual.name}-{k}") for k in count(2))
-        return next(path for path in chain([usual], numbered) if not path.exists())
-    folder = Path(out or usual)
+        files.check_folder(default.parent)
+        numbered = (default.with_name(f"{default.name}-{k}") for k in count(2))
+        return next(path for path in chain([default], numbered) if not path.exists())
+    folder = Path(out or default)
     files.check_folder(folder)
     if not folder.exists() or not any(folder.iterdir()):
         return folder
-    if not (folder / FIGURES).exists():
-        raise FileExistsError(f"{folder}: has files that are no results; expected a new folder")
+    if not (folder / RESULTS_FILE).exists():
+        raise FileExistsError(f"{folder}: has files that are not results; expected a new folder")
     if not force:
         raise FileExistsError(
             f"{folder}: has results already; expected another --out, or --force to replace them"
@@ -45,10 +45,10 @@ def claimed(out: str | None, logs: Iterable[str], force: bool) -> Path:
     return folder
 
 
-def cleared(folder: Path, ours: tuple[str, ...]) -> None:
-    """Delete what an earlier call wrote, in the folder and in those of single logs."""
+def cleared(folder: Path, patterns: tuple[str, ...]) -> None:
+    """Delete the files of earlier calls, in the folder and in the folders of single logs."""
     for place in [folder, *folder.glob("[0-9]*-*")]:
-        for pattern in ours:
+        for pattern in patterns:
             for path in place.glob(pattern):
                 path.unlink()
         if place != folder and place.is_dir() and not any(place.iterdir()):

@@ -1,4 +1,4 @@
-"""Any program as a row: its trajectory, and its map, beside the runs of the algorithms here."""
+"""Other programs as rows of a comparison, by their trajectory and map."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Foreign(NamedTuple):
-    """What another program made of a log: poses in the frame of its map, and the map."""
+    """The run of another program on a log: poses in the frame of its map, and the map."""
 
     name: str
     track: TimeSeries
@@ -37,24 +37,24 @@ def read_foreign(
     log_path: str | Path | None,
     options: SourceOptions | None,
 ) -> list[Foreign]:
-    """Read what `--trajectory NAME=WHAT` and `--map NAME=FILE` name.
+    """Read the trajectories and maps of `--trajectory NAME=WHAT` and `--map NAME=FILE`.
 
     Args:
         trajectories: a file (TUM, result.mcap), or a topic or tf frame of the log's bag.
         maps: map_server yaml files.
-        taken: names that rows have already.
+        taken: names of existing rows.
         log_path: the log.
-        options: how it is read.
+        options: for reading the log.
 
     Raises:
-        ValueError: a text without a name, a name twice, a map without a trajectory; the file is
-            no trajectory or no map.
+        ValueError: a name is missing or repeated, a map has no trajectory, or a file is not a
+            trajectory or map.
         OSError: a file cannot be opened.
     """
     tracks, grids = _named("--trajectory", trajectories), _named("--map", maps)
     for name in tracks:
         if name in taken:
-            raise ValueError(f"--trajectory: got the name {name!r} of a row that is there already")
+            raise ValueError(f"--trajectory: got {name!r}, the name of an existing row")
     for name in grids:
         if name not in tracks:
             raise ValueError(f"--map: got {name!r}, expected a name given to --trajectory as well")
@@ -69,17 +69,17 @@ def read_foreign(
 
 
 def foreign_case(foreign: Foreign, log: ScanLog, relations: Floats | None = None) -> Outcome:
-    """The outcome of a run that another program did; nobody measured its time.
+    """The outcome of another program's run, without its CPU time.
 
-    Poses keep their own stamps; those outside the log are left out. They meet the truth, and the
-    relations, where these have stamps, by interpolation; nothing is extrapolated.
+    Poses keep their own stamps; those outside the log are left out. Ground truth and poses are
+    interpolated, never extrapolated.
 
     Raises:
-        ValueError: fewer than two of its poses are of the log's time.
+        ValueError: fewer than two of its poses are within the log's time.
     """
     t, poses = _within(foreign, log)
     frame = _frame(t, poses, log)
-    seen = between(np.repeat(np.array(frame)[None], len(poses), axis=0), poses)
+    poses_at_first = between(np.repeat(np.array(frame)[None], len(poses), axis=0), poses)
     row: Row = {
         "algorithm": foreign.name,
         "log": log.name,
@@ -93,11 +93,11 @@ def foreign_case(foreign: Foreign, log: ScanLog, relations: Floats | None = None
         "report": {},
         "parameters": {},
     }
-    row |= judged(log, t, seen, None, {})
+    row |= judged(log, t, poses_at_first, None, {})
     if relations is not None:
         row |= _by_relations(foreign, log, relations, row)
-    common = metrics.common_with(log, t, seen)
-    return Outcome(row, t, seen, grid=foreign.grid, common=common, frame=frame)
+    common = metrics.common_with(log, t, poses_at_first)
+    return Outcome(row, t, poses_at_first, grid=foreign.grid, common=common, frame=frame)
 
 
 def _named(option: str, texts: Sequence[str]) -> dict[str, str]:
@@ -111,23 +111,23 @@ def _named(option: str, texts: Sequence[str]) -> dict[str, str]:
 
 
 def _within(foreign: Foreign, log: ScanLog) -> tuple[Floats, Floats]:
-    """The poses of the log's time, a scan's length around it included."""
+    """The poses within the log's time, extended by one scan period."""
     t, first, last = foreign.track.t, float(log.t.min()), float(log.t.max())
-    around = abs(log.scan_period)
-    inside = (t >= first - around) & (t <= last + around)
+    margin = abs(log.scan_period)
+    inside = (t >= first - margin) & (t <= last + margin)
     if inside.sum() < 2:
         raise ValueError(
-            f"--trajectory {foreign.name}: {int(inside.sum())} of its {len(t)} poses are of the "
-            f"log's time ({first:.3f} to {last:.3f} s; they are from {t.min():.3f} to "
+            f"--trajectory {foreign.name}: {int(inside.sum())} of its {len(t)} poses are within "
+            f"the log's time ({first:.3f} to {last:.3f} s; they are from {t.min():.3f} to "
             f"{t.max():.3f} s): is it another log's?"
         )
     return t[inside], foreign.track.values[inside]
 
 
 def _frame(t: Floats, poses: Floats, log: ScanLog) -> Pose2:
-    """The pose at the log's first scan in the map's frame, by the way that the truth tells.
+    """The pose at the log's first scan in the map's frame, by the true motion in between.
 
-    Without truth, that of the first pose there is.
+    Without ground truth, the first pose of the program.
     """
     first = Pose2(*poses[0].tolist())
     truth = log.truth_at(np.array([log.t[0], t[0]]))
@@ -138,7 +138,7 @@ def _frame(t: Floats, poses: Floats, log: ScanLog) -> Pose2:
 
 
 def _by_relations(foreign: Foreign, log: ScanLog, relations: Floats, row: Row) -> Row:
-    """Relations are between scans: the poses at their stamps, where the trajectory covers them."""
+    """Errors of the relations, with poses interpolated at the stamps of the scans."""
     at_scans = foreign.track.poses_at(log.t)
     known = np.isfinite(at_scans[:, 0])
     found = judged(log, log.t[known], at_scans[known], relations, {})

@@ -1,4 +1,4 @@
-"""Options that several commands of the benchmark have. Light: help reads it."""
+"""Options of several commands of the benchmark. Imports stay fast for --help."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from collections.abc import Callable
 
 from slams import cli
 
-JOBS = min(2, os.cpu_count() or 1)
+DEFAULT_JOBS = min(2, os.cpu_count() or 1)
 
 
 def add_jobs(parser: argparse.ArgumentParser) -> None:
-    """Give a command --jobs; the results do not depend on it."""
+    """Add --jobs; the results do not depend on it."""
     words = "number of processes (default: %(default)s)"
-    parser.add_argument("--jobs", type=cli.count, metavar="N", default=JOBS, help=words)
+    parser.add_argument("--jobs", type=cli.count, metavar="N", default=DEFAULT_JOBS, help=words)
 
 
 def add_output(parser: argparse.ArgumentParser, out: str) -> None:
-    """Give a command the folder its results go to, and `-q`."""
+    """Add --out and -q."""
     parser.add_argument(
         "--out", metavar="DIR", default=out, help="folder of the results (default: %(default)s)"
     )
@@ -28,7 +28,7 @@ def add_output(parser: argparse.ArgumentParser, out: str) -> None:
 
 
 def within(kind: type, low: float, high: float) -> Callable[[str], float]:
-    """What reads an option that is a number from `low` to `high`."""
+    """A reader for options that are numbers from `low` to `high`."""
 
     def _read(text: str) -> float:
         value: float = kind(text)
@@ -36,5 +36,5 @@ def within(kind: type, low: float, high: float) -> Callable[[str], float]:
             raise argparse.ArgumentTypeError(f"got {value:g}, expected {low:g} to {high:g}")
         return value
 
-    _read.__name__ = kind.__name__  # argparse names it where the text is no number
+    _read.__name__ = kind.__name__  # argparse shows it in its error message
     return _read

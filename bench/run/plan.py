@@ -12,7 +12,7 @@ from bench.results.sweep import Cost, Sweep, Trial
 from bench.run.compare_options import check_log_options
 from bench.run.single import Single, algorithm_of, params_of
 from bench.run.store import sources_of
-from bench.run.trial import FUNCTION, content_of
+from bench.run.trial import CLIMB_FUNCTION, content_of
 from bench.run.work import Task
 from bench.sim.degrade import CATALOG
 from bench.sim.sensors import SENSORS
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from slams.formats.options import SourceOptions
     from slams.scanlog import ScanLog
 
-WHEELS = frozenset({"odometry", "gyro"})
-Conditions = dict[str, tuple[float, ...]]  # degradations, each with the levels it is tried at
+ODOMETRY_SENSORS = frozenset({"odometry", "gyro"})
+Conditions = dict[str, tuple[float, ...]]  # levels by degradation
 
 
 class Drives(NamedTuple):
-    """Simulated logs: so many seeded drives of `duration` [s] in each arena, with one sensor.
+    """Simulated logs: `seeds` drives of `duration` [s] in each arena, with one sensor.
 
-    Their seeds are `first` and those behind it.
+    Their seeds count up from `first`.
     """
 
     arenas: list[str]
@@ -45,10 +45,9 @@ class Drives(NamedTuple):
 class Given(NamedTuple):
     """A log of the plan, simulated or recorded.
 
-    `place` is the kind of arena, or the log's name; `seed` that of the simulation, or of what is
-    done to the log; `identity` what tells it from all others, wherever it lies. `lacks` names what
-    it has not and a degradation may need. `recorded` is the log itself where it was not simulated,
-    `repeated`: the same one stands before it with another seed.
+    `place` is the kind of arena, or the log's name; `seed` that of the simulation or of the
+    degradations; `identity` identifies the content. `lacks`: missing sensors that a degradation may
+    need. `recorded` is the log if it was not simulated; `repeated`: not the log's first seed.
     """
 
     name: str
@@ -61,7 +60,7 @@ class Given(NamedTuple):
 
 
 class Case(NamedTuple):
-    """A climb that is planned: what its trials have in common, and the task."""
+    """A planned climb: the common part of its trials, and the task."""
 
     known: Trial
     task: Task
@@ -69,9 +68,9 @@ class Case(NamedTuple):
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything a sweep follows from; `rate` [Hz] is the most scans a second, None all.
+    """The inputs of a sweep; `rate` [Hz] is the maximum scan rate, None for all scans.
 
-    An algorithm may be a variant, `bench.run.single`; `single` has what the options say of each.
+    An algorithm may be a variant, `bench.run.single`; `single` has the options of each.
     """
 
     algorithms: list[str]
@@ -90,15 +89,15 @@ class Plan:
         """The resolved parameters of an algorithm or a variant, for the sensor.
 
         Raises:
-            LookupError: no such algorithm, or parameter of it.
-            ValueError, OSError: a value or a file that is none.
+            LookupError: no such algorithm or parameter.
+            ValueError, OSError: an invalid value or file.
         """
         return params_of(algorithm, self.sensor, self.single).as_dict()
 
     def settings(self) -> dict[str, dict[str, Any]]:
-        """Parameters of each algorithm that differ from its preset without its label saying so.
+        """Parameters that differ from the preset and are not part of the label, by algorithm.
 
-        Only algorithms of which anything is.
+        Algorithms without such parameters are omitted.
         """
         found: dict[str, dict[str, Any]] = {}
         for algorithm in self.single:
@@ -108,13 +107,13 @@ class Plan:
         return {algorithm: changes for algorithm, changes in found.items() if changes}
 
     def cases(self, place: Path) -> list[Case]:
-        """Every climb, log by log and condition by condition; recorded logs are put in `place`."""
+        """All climbs, by log and condition; recorded logs are saved in the folder `place`."""
         found: list[Case] = []
         for given in self.logs:
             recorded = _kept(given, place)
             for name in self.conditions:
                 for odometry in self.odometry:
-                    if _makes_sense(given, name, odometry):
+                    if _applies(given, name, odometry):
                         found += [
                             self._case(given, name, odometry, algorithm, recorded)
                             for algorithm in self.algorithms
@@ -124,14 +123,14 @@ class Plan:
     def gathered(
         self, cases: list[Case], done: Mapping[str, Any], store: Store, record: dict[str, Any]
     ) -> Sweep:
-        """All trials with their figures, of the climbs that are done now and of those kept."""
+        """All trials with their figures, of finished and kept climbs."""
         trials: list[Trial] = []
         costs: list[Cost | None] = []
         for case in cases:
             value: Any = done.get(case.task.key) or store.read(case.task.key)
             spent = (store.cost(case.task.key) or {"costs": []})["costs"]
             levels = case.task.what["condition"]["levels"]
-            tried = value.get("trials", [value])  # what failed before the first level: one trial
+            tried = value.get("trials", [value])  # a failure before the first level is one trial
             for k, (level, trial) in enumerate(zip(levels, tried, strict=False)):
                 trials.append(case.known | {"level": level} | cast("Trial", trial))
                 costs.append(spent[k] if k < len(spent) else None)
@@ -157,7 +156,7 @@ class Plan:
     def _case(
         self, given: Given, degradation: str, odometry: bool, algorithm: str, recorded: str | None
     ) -> Case:
-        """One algorithm on one log under one condition; `recorded` is where the log lies here."""
+        """One algorithm on one log under one condition; `recorded` is the local path of the log."""
         known: Trial = {
             "algorithm": algorithm,
             "log": given.name,
@@ -180,14 +179,14 @@ class Plan:
             "odometry": odometry,
         }
         sources = sources_of(find(name).cls)
-        return Case(known, Task(FUNCTION, what, sources, {"recorded": recorded}))
+        return Case(known, Task(CLIMB_FUNCTION, what, sources, {"recorded": recorded}))
 
 
 def conditions_of(chosen: list[str]) -> Conditions:
-    """The degradations that are named, in the order of the catalog; all: every one there is.
+    """The chosen degradations with their levels, in the order of the catalog.
 
-    One without a level rises through all levels of the catalog, `noise=0.05 noise=0.1` through
-    these, in the order given.
+    A name without a level has all levels of the catalog, `noise=0.05 noise=0.1` these two. "all"
+    means all degradations.
 
     Raises:
         LookupError: no such degradation.
@@ -205,11 +204,11 @@ def conditions_of(chosen: list[str]) -> Conditions:
 
 
 def logs_of(paths: list[str], drives: Drives, options: SourceOptions) -> list[Given]:
-    """The logs to sweep over: those given, else simulated ones.
+    """The given logs, else simulated ones.
 
     Raises:
         OSError: a log cannot be opened.
-        ValueError: it is none, or has no truth; an option of logs without one.
+        ValueError: a file is not a log or has no ground truth; options for logs without a log.
         LookupError: no such arena or sensor.
     """
     if not paths:
@@ -235,7 +234,7 @@ def _recorded(path: str, options: SourceOptions) -> Given:
     log = load(path, options).of_one_laser()
     if log.truth is None:
         raise ValueError(
-            f"{path}: has no truth; a sweep needs one (--truth FILE, or slams compare --relations)"
+            f"{path}: has no ground truth; a sweep needs one (--truth FILE), slams compare does not"
         )
     lacks = {"odometry": log.odom is None, "gyro": log.yaw_rate is None}
     missing = frozenset(name for name, absent in lacks.items() if absent)
@@ -243,7 +242,7 @@ def _recorded(path: str, options: SourceOptions) -> Given:
 
 
 def _kept(given: Given, place: Path) -> str | None:
-    """Where a recorded log lies as npz, under the name of its content: read once, by all."""
+    """The path of a recorded log, saved as npz under the hash of its content."""
     if given.recorded is None:
         return None
     path = (place / f"{given.identity['content']}.npz").resolve()
@@ -253,12 +252,13 @@ def _kept(given: Given, place: Path) -> str | None:
     return str(path)
 
 
-def _makes_sense(given: Given, name: str, odometry: bool) -> bool:
-    """Not where it would be another run's twin.
+def _applies(given: Given, name: str, odometry: bool) -> bool:
+    """Whether a run differs from all others.
 
-    So is a degradation of what the run is not given, another seed of one without chance on the same
-    log, and a run with the odometry of a log that has none.
+    It does not if the degradation affects an unused sensor, if it has another seed but no chance,
+    or if it uses the odometry of a log without odometry.
     """
-    missing = given.lacks if odometry else WHEELS
-    twin = (given.repeated and not CATALOG[name].random) or (odometry and missing == WHEELS)
-    return not twin and not missing & set(CATALOG[name].needs)
+    missing = given.lacks if odometry else ODOMETRY_SENSORS
+    repeated = given.repeated and not CATALOG[name].random
+    no_odometry = odometry and missing == ODOMETRY_SENSORS
+    return not repeated and not no_odometry and not missing & set(CATALOG[name].needs)

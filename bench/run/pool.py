@@ -1,7 +1,7 @@
-"""Work in processes of their own: one that dies takes no other task along, none outlives this one.
+"""Tasks in separate processes: a process that dies affects no other task, none outlives this one.
 
-Not concurrent.futures: there one dead process breaks the whole pool, and the processes of a parent
-that was killed wait for ever.
+This is not concurrent.futures, where one dead process breaks the pool, and the processes of a
+killed parent wait forever.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from typing import Any, NamedTuple, TypeVar
 K = TypeVar("K", bound=Hashable)
 
 SPAWN = multiprocessing.get_context("spawn")  # threads of libraries do not survive a fork
-PATIENCE = 2.0  # s for an idle process to end by itself before it is killed
+EXIT_TIMEOUT = 2.0  # s for an idle process to end before it is killed
 
 
 class Ended(NamedTuple):
-    """What came of a task: its value, or why there is none; whether its process died."""
+    """The result of a task: its value, or the reason of its failure; whether its process died."""
 
     value: Any
     failure: str | None = None
@@ -37,10 +37,10 @@ class Ended(NamedTuple):
 def finished(
     tasks: dict[K, tuple[Callable[..., Any], tuple[Any, ...]]], workers: int, fresh: bool = True
 ) -> Generator[tuple[K, Ended], None, None]:
-    """Tasks, each a function of a module and its arguments, as they end.
+    """Run tasks, each a module's function and its arguments, and yield them as they end.
 
-    `fresh` gives each task a process of its own: its memory and its compiler are its own. Else a
-    process stays for many tasks.
+    `fresh` runs each task in a new process, with its own memory and compiler. Else a process runs
+    many tasks.
     """
     todo = list(reversed(tasks.items()))
     idle: list[_Worker] = []
@@ -53,12 +53,12 @@ def finished(
                 key, call = todo.pop()
                 busy[worker] = key
                 worker.begin(call)
-            yield from ended  # the caller looks at these while the others work
+            yield from ended  # the caller uses these while the others run
             ended = []
-            for worker in _answering(busy):
+            for worker in _ready(busy):
                 ended.append((busy.pop(worker), answer := worker.answer()))
                 if fresh or answer.died:
-                    worker.end(PATIENCE)
+                    worker.end(EXIT_TIMEOUT)
                 else:
                     idle.append(worker)
         yield from ended
@@ -66,8 +66,8 @@ def finished(
         _end_all(busy, idle)
 
 
-def _answering(workers: Iterable[_Worker]) -> list[_Worker]:
-    """Waits until some have an answer, or died."""
+def _ready(workers: Iterable[_Worker]) -> list[_Worker]:
+    """Wait for workers that answered or died."""
     by_connection = {worker.connection: worker for worker in workers}
     ready = wait(list(by_connection))
     return [worker for connection, worker in by_connection.items() if connection in ready]
@@ -77,37 +77,37 @@ def _end_all(busy: Iterable[_Worker], idle: Iterable[_Worker]) -> None:
     for worker in busy:
         worker.end(0.0)
     for worker in idle:
-        worker.end(PATIENCE)
+        worker.end(EXIT_TIMEOUT)
 
 
 class _Worker:
-    """A process that does one call after the other; it ends with this one, however that ends."""
+    """A process for one call after the other; it ends with this process in any case."""
 
     def __init__(self) -> None:
         self.connection, theirs = SPAWN.Pipe()
         self.process = SPAWN.Process(target=_serve, args=(theirs,))
         self.process.start()
-        theirs.close()  # so that its end is seen here
+        theirs.close()  # the connection then closes when the process ends
         _WORKERS.add(self)
 
     def begin(self, call: tuple[Callable[..., Any], tuple[Any, ...]]) -> None:
-        """Hand over a call; if nobody is there to take it, `answer` says so."""
+        """Send a call; if the process is dead, `answer` returns the failure."""
         data = pickle.dumps(call)
         with suppress(OSError):
             self.connection.send_bytes(data)
 
     def answer(self) -> Ended:
-        """What the call returned or raised."""
+        """The returned value or the exception of the call."""
         try:
             return Ended(*pickle.loads(self.connection.recv_bytes()))
         except (EOFError, OSError):
             self.process.join()
-            return Ended(None, _last_word(self.process.exitcode), died=True)
+            return Ended(None, _death_words(self.process.exitcode), died=True)
 
-    def end(self, patience: float) -> None:
-        """End the process; kill it if it takes longer than `patience` [s]."""
+    def end(self, timeout: float) -> None:
+        """End the process; kill it after `timeout` [s]."""
         self.connection.close()
-        self.process.join(patience)
+        self.process.join(timeout)
         if self.process.exitcode is None:
             self.process.kill()
             self.process.join()
@@ -116,21 +116,21 @@ class _Worker:
 _WORKERS: weakref.WeakSet[_Worker] = weakref.WeakSet()
 
 
-@atexit.register  # after that of multiprocessing, so it runs before: that one would wait for ever
-def _end_what_is_left() -> None:
-    """After an exception nobody caught: its traceback keeps the work alive, and its workers."""
+@atexit.register  # registered after multiprocessing's handler, so it runs before that waits
+def _end_remaining() -> None:
+    """End the workers after an uncaught exception, whose traceback keeps them alive."""
     _end_all(list(_WORKERS), ())
 
 
-def _last_word(code: int | None) -> str:
+def _death_words(code: int | None) -> str:
     if code is not None and code < 0:
         return f"its process died (killed by {signal.Signals(-code).name})"
     return f"its process died (exit code {code})"
 
 
 def _serve(connection: Connection) -> None:
-    """The process: answers calls until nobody asks any more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the parent decides
+    """Main loop of a process: answer calls until the connection closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:
@@ -138,7 +138,7 @@ def _serve(connection: Connection) -> None:
 
 
 def _end_with_parent() -> None:
-    """A parent that is killed can tell nobody; what its tasks came to would reach nobody."""
+    """Exit when the parent process ends, even if it was killed."""
     parent = parent_process()
     if parent is not None:
         wait([parent.sentinel])
@@ -146,7 +146,7 @@ def _end_with_parent() -> None:
 
 
 def _reply(data: bytes) -> bytes:
-    """A call, done: what it returned, and else what it raised, as text."""
+    """Run a call; the pickled value and the exception as text."""
     try:
         function, arguments = pickle.loads(data)
         return pickle.dumps((function(*arguments), None))
@@ -155,6 +155,6 @@ def _reply(data: bytes) -> bytes:
 
 
 def sentence(error: BaseException) -> str:
-    """The exception in one line, the same in every process: without addresses in memory."""
+    """The exception in one line, without memory addresses, which differ between processes."""
     text = " ".join(f"{type(error).__name__}: {error}".split())
     return re.sub(r"0x[0-9a-f]+", "0x..", text)

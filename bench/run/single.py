@@ -1,7 +1,7 @@
-"""Parameters for single algorithms: --params and --set with a name, and variants.
+"""Parameters of single algorithms: --params and --set with a name, and variants.
 
-A variant is an algorithm with settings of its own, NAME:KEY=VALUE[,KEY=VALUE]: "=" stands behind
-the last colon, as in no module:Class. Light: help reads it.
+A variant is an algorithm with its own settings, NAME:KEY=VALUE[,KEY=VALUE]. The "=" after the last
+colon distinguishes it from module:Class. Imports stay fast for --help.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 @dataclass
 class Single:
-    """What one algorithm is given: values that all have, YAML files, values of its own.
+    """The settings of one algorithm: common values, YAML files, its own values.
 
-    `base` is what ROS files made of preset and sensor.
+    `base` are the parameters from ROS files, preset and sensor.
     """
 
     common: Mapping[str, str] = field(default_factory=dict)
@@ -31,11 +31,11 @@ class Single:
     values: dict[str, str] = field(default_factory=dict)
 
     def applied(self, params: Params) -> Params:
-        """The parameters with them: base < common < files < values.
+        """The parameters with these settings; precedence: base < common < files < values.
 
         Raises:
             LookupError: no such parameter.
-            ValueError: a value of the wrong type or out of bounds, a file that is no YAML.
+            ValueError: a value of the wrong type or out of bounds, an invalid YAML file.
             OSError: a file cannot be read.
         """
         params = (self.base or params).replace(**self.common)
@@ -45,7 +45,7 @@ class Single:
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Give a command --params and --set, for `singles`."""
+    """Add --params and --set, for `singles`."""
     parser.add_argument(
         "--params",
         metavar="ALGORITHM:FILE.yaml",
@@ -59,13 +59,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         dest="changes",
-        help="set one parameter of one algorithm (tsd:cell=0.05); without the name, of all that "
+        help="set one parameter of one algorithm (tsd:cell=0.05), or without the name of all that "
         "have it; may be given again",
     )
 
 
 def with_presets(names: Iterable[str], presets: Iterable[str]) -> list[str]:
-    """The labels of algorithms with each of the presets that they have; "" is none."""
+    """The labels of algorithms with each of their presets; "" is the default."""
     from slams.registry import find
 
     known = {name: find(name).cls.Params.PRESETS for name in names}
@@ -74,15 +74,15 @@ def with_presets(names: Iterable[str], presets: Iterable[str]) -> list[str]:
 
 
 def algorithm_of(label: str) -> str:
-    """The algorithm that a label is a variant of; of any other label itself."""
+    """The algorithm of a variant; any other label itself."""
     return _split(label)[0]
 
 
 def settings_of(label: str) -> dict[str, str]:
-    """What a variant sets; nothing of any other label.
+    """The settings of a variant; none for any other label.
 
     Raises:
-        ValueError: it is not KEY=VALUE[,KEY=VALUE], each KEY once.
+        ValueError: they are not KEY=VALUE[,KEY=VALUE], each KEY once.
     """
     settings = _split(label)[1]
     if not settings:
@@ -107,7 +107,7 @@ def params_of(
     sensor: str | None = None,
     given: Mapping[str, Single] = MappingProxyType({}),
 ) -> Params:
-    """The parameters of a label: preset < sensor < what is given for it < the variant's own.
+    """The parameters of a label; precedence: preset < sensor < `given` < the variant's own.
 
     Raises:
         LookupError: no such algorithm, sensor or parameter.
@@ -126,12 +126,12 @@ def singles(
     values: Sequence[str],
     common: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, Single]:
-    """What ALGORITHM:FILE and [ALGORITHM:]KEY=VALUE say, by label, beside what is common to all.
+    """The settings of ALGORITHM:FILE and [ALGORITHM:]KEY=VALUE and the common ones, by label.
 
-    What is of an algorithm is of its variants, too. A value with a name wins over one without.
+    Settings of an algorithm also hold for its variants. A value with a name has precedence.
 
     Raises:
-        ValueError: a text of another form, or of an algorithm that is not compared.
+        ValueError: invalid text, or an algorithm that is not compared.
         LookupError: a parameter that no algorithm has.
     """
     rows: dict[str, list[str]] = {}
@@ -151,14 +151,14 @@ def singles(
 
 
 def seeds(texts: Sequence[str]) -> tuple[dict[str, str], list[str]]:
-    """What `--seed N` sets for all, the last one; ALGORITHM:N of the others as settings."""
+    """The common setting of the last `--seed N`, and the settings of each ALGORITHM:N."""
     common = [text for text in texts if ":" not in text]
     parted = (text.rpartition(":") for text in texts if ":" in text)
     return {"seed": common[-1]} if common else {}, [f"{n}:seed={seed}" for n, _, seed in parted]
 
 
 def named(option: str, text: str, form: str) -> tuple[str, str]:
-    """Name and file of an option of that form, NAME=FILE.
+    """Name and file of an option NAME=FILE.
 
     Raises:
         ValueError: one of them is missing.
@@ -176,13 +176,13 @@ def _split(label: str) -> tuple[str, str]:
 
 
 def _has_name(text: str) -> bool:
-    """Whether a --set is of one algorithm: no KEY has a colon."""
+    """Whether a --set names an algorithm; keys have no colon."""
     key, equals, _ = text.partition("=")
     return ":" in key or not equals
 
 
 def _assigned(text: str, algorithms: Mapping[str, object]) -> tuple[list[str], str]:
-    """The algorithms that a --set is of, and its KEY=VALUE."""
+    """The algorithms of a --set, and its KEY=VALUE."""
     if _has_name(text):
         name, assignment = _parted("--set", text, "KEY=VALUE", algorithms)
         return [name], assignment
@@ -201,7 +201,7 @@ def _assigned(text: str, algorithms: Mapping[str, object]) -> tuple[list[str], s
 
 
 def _parted(option: str, text: str, form: str, names: Mapping[str, object]) -> tuple[str, str]:
-    """Name and rest; names such as module:Class have colons of their own."""
+    """Split a text after its algorithm; names such as module:Class contain colons."""
     known = [name for name in names if text.startswith(f"{name}:")]
     if not known:
         raise ValueError(

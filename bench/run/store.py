@@ -1,4 +1,4 @@
-"""Results in a folder, each named by everything that it depends on, the code too."""
+"""Results in a folder, each named by a hash of all its inputs, including the code."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from typing import Any
 from slams.formats.files import complete_file
 from slams.summary import versions
 
-# numbers come from these; others only read and draw
+# libraries that affect numbers; others only read and draw
 LIBRARIES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless", "kiss-icp")
-# every result follows from these
-PACKAGES = ("slams", "bench.sim", "bench.run", "bench.judge", "bench.results")
-SOURCES = (".py", ".so", ".pyd")  # an outsider's algorithm may be compiled
+# packages that affect results
+HASHED_PACKAGES = ("slams", "bench.sim", "bench.run", "bench.judge", "bench.results")
+SOURCE_SUFFIXES = (".py", ".so", ".pyd")  # an external algorithm may be compiled
 
 
 def canonical(value: Any) -> str:
-    """The one JSON text of a value: keys sorted, no space, floats to the last bit.
+    """The unique JSON text of a value: sorted keys, no spaces, all digits of floats.
 
     Raises:
         ValueError: a number that is not finite.
-        TypeError: something that JSON does not have.
+        TypeError: a value that JSON does not support.
     """
     return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
 def plain(value: Any) -> Any:
-    """The value as a store gives it back: keys sorted, arrays as lists, not finite as None."""
+    """The value as a store returns it: sorted keys, arrays as lists, nan and inf as None."""
     text = json.dumps(value, sort_keys=True, default=_of_numpy)
     return json.loads(text, parse_constant=lambda _: None)
 
 
 def _of_numpy(value: Any) -> Any:
-    """Arrays and numbers of numpy, without importing it."""
+    """Convert arrays and numbers of numpy, without importing numpy."""
     if hasattr(value, "tolist"):
         return value.tolist()
     raise TypeError(f"a result has a {type(value).__name__} in it, expected what JSON has")
@@ -49,14 +49,14 @@ def digest(text: str) -> str:
 
 
 class Store:
-    """A folder of results: DIR/ab/abcdef.json, with what each cost beside it, abcdef.cost.json.
+    """A folder of results DIR/ab/abcdef.json, each with its cost in abcdef.cost.json.
 
-    The results' files are the same bytes on every machine; what they cost never is. Folders are
-    merged by copying one over the other. A file that is damaged, cut off or under another's name
-    counts as absent. Any number of processes and machines may use one folder.
+    Result files have the same bytes on every machine. Folders are merged by copying. A file that is
+    damaged, truncated or under another name counts as absent. Any number of processes and machines
+    may use one folder.
 
     Raises:
-        OSError: the folder cannot be made or written to.
+        OSError: the folder cannot be created.
     """
 
     def __init__(self, folder: str | Path) -> None:
@@ -64,27 +64,27 @@ class Store:
         self.folder.mkdir(parents=True, exist_ok=True)
 
     def path(self, key: str) -> Path:
-        """Where the result of that name lies."""
+        """The path of a result."""
         return self.folder / key[:2] / f"{key}.json"
 
     def read(self, key: str) -> Any | None:
-        """The result of that name; None where there is none, or not a whole one."""
+        """A result; None if it does not exist or is damaged."""
         return _value(self.path(key), key)
 
     def cost(self, key: str) -> Any | None:
-        """What was measured as the result was made; None where nothing was."""
+        """The cost of a result; None if unknown."""
         return _value(self.path(key).with_suffix(".cost.json"), key)
 
     def write(self, key: str, value: Any, measured: Any = None) -> None:
-        """Keep a result, whole or not at all.
+        """Write a result completely or not at all.
 
         Raises:
-            RuntimeError: the disk is full, or the folder no longer to be written to.
+            RuntimeError: the disk is full, or the folder is not writable.
         """
         path = self.path(key)
         try:
             path.parent.mkdir(exist_ok=True)
-            if measured is not None:  # first: a result that is there has its cost
+            if measured is not None:  # first, so that every result has its cost
                 self._put(path.with_suffix(".cost.json"), key, measured)
             self._put(path, key, value)
         except OSError as error:
@@ -112,14 +112,14 @@ def _value(path: Path, key: str) -> Any | None:
 
 @cache
 def code_version(packages: tuple[str, ...]) -> str:
-    """Hash of the source text of packages or modules, of Python and of the libraries below them.
+    """Hash of the source text of packages or modules, and of the versions of Python and libraries.
 
     Args:
-        packages: names as imported ("slams", "bench.sim", "my_slam"); what they import from
-            elsewhere is not seen.
+        packages: names as imported ("slams", "bench.sim", "my_slam"); other imports of theirs are
+            not included.
 
     Raises:
-        LookupError: no such package, or none that has source text.
+        LookupError: no such package, or a package without source text.
     """
     python = ".".join(platform.python_version_tuple()[:2])
     libraries = versions(LIBRARIES) | {"python": python}
@@ -128,13 +128,13 @@ def code_version(packages: tuple[str, ...]) -> str:
 
 
 def sources_of(cls: type) -> tuple[str, ...]:
-    """The packages that a run of an algorithm follows from, its own or its module among them."""
+    """The packages that affect a run of an algorithm, including its own."""
     package = cls.__module__.partition(".")[0]
-    return PACKAGES if package in PACKAGES else (*PACKAGES, package)
+    return HASHED_PACKAGES if package in HASHED_PACKAGES else (*HASHED_PACKAGES, package)
 
 
 def _text_hash(name: str) -> str:
-    """Hash of all source files of a package with their names; line ends do not count."""
+    """Hash of all source files of a package with their names; line ends have no effect."""
     found = hashlib.sha256()
     for label, path in sorted(_files(name).items()):
         text = path.read_bytes().replace(b"\r\n", b"\n")
@@ -143,14 +143,14 @@ def _text_hash(name: str) -> str:
 
 
 def _files(name: str) -> dict[str, Path]:
-    """Source files by their place in the package: the same wherever that is installed."""
+    """Source files by their path in the package, which does not depend on the installation."""
     try:
         spec = find_spec(name)
     except (ModuleNotFoundError, ValueError):
         spec = None
     folders = [Path(folder) for folder in (spec and spec.submodule_search_locations) or ()]
     found = [(folder, file) for folder in folders for file in folder.rglob("*")]
-    files = {f.relative_to(d).as_posix(): f for d, f in found if f.suffix in SOURCES}
+    files = {f.relative_to(d).as_posix(): f for d, f in found if f.suffix in SOURCE_SUFFIXES}
     if not folders and spec is not None and spec.origin is not None:
         files = {Path(spec.origin).name: Path(spec.origin)}
     if not all(file.is_file() for file in files.values()) or not files:

@@ -1,4 +1,4 @@
-"""What a run costs: memory; and by which command it was made, on which machine."""
+"""Memory of a run, and the record of command, machine and versions."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from typing import Any
 
 from slams.cli import THREADS
 
-STATUS = Path("/proc/self/status")
-PEAK_RESET = Path("/proc/self/clear_refs")
+STATUS_FILE = Path("/proc/self/status")
+PEAK_RESET_FILE = Path("/proc/self/clear_refs")
 
 
 class PeakMemory:
-    """Context that measures how far the memory of this process rises [MB] above its start.
+    """Context that measures the increase of this process's memory [MB].
 
-    `mb` is None where the system does not tell (it needs Linux' /proc).
+    `mb` is None on systems without Linux's /proc.
     """
 
     mb: float | None = None
 
     def __enter__(self) -> PeakMemory:
         with contextlib.suppress(OSError):
-            PEAK_RESET.write_text("5")
+            PEAK_RESET_FILE.write_text("5")
         self._before = _status("VmRSS")
         return self
 
@@ -39,7 +39,7 @@ class PeakMemory:
 def _status(key: str) -> float | None:
     """A line of /proc/self/status [MB]."""
     try:
-        text = STATUS.read_text()
+        text = STATUS_FILE.read_text()
     except OSError:
         return None
     line = next((line for line in text.splitlines() if line.startswith(f"{key}:")), None)
@@ -47,7 +47,7 @@ def _status(key: str) -> float | None:
 
 
 def record(arguments: argparse.Namespace, **more: Any) -> dict[str, Any]:
-    """How results were made: command, machine with `more` of it, versions."""
+    """Command, machine (with `more` entries) and versions."""
     from slams.summary import versions
 
     command = f"{arguments.program} {shlex.join(arguments.words)}".strip()
@@ -55,7 +55,7 @@ def record(arguments: argparse.Namespace, **more: Any) -> dict[str, Any]:
 
 
 def machine() -> dict[str, Any]:
-    """The machine of the run, as far as the system tells."""
+    """The machine of the run, if the system provides it."""
     cpu = platform.processor() or platform.machine()
     with contextlib.suppress(OSError, StopIteration):
         lines = Path("/proc/cpuinfo").read_text().splitlines()

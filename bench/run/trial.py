@@ -1,6 +1,6 @@
 """A climb: one algorithm over one log, degraded level by level until the run is lost.
 
-A sweep is made of climbs; each run at one level is a trial.
+A sweep consists of climbs; each run at one level is a trial.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from bench.results.sweep import Cost, Trial
 from bench.run.cases import sources
 from bench.run.pool import sentence
 from bench.run.store import canonical
-from bench.run.work import OF_THE_MACHINE, Result
+from bench.run.work import MACHINE_ERRORS, Result
 from slams.metrics import ate
 
 if TYPE_CHECKING:
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from slams.registry import Entry
     from slams.scanlog import ScanLog
 
-FUNCTION = "bench.run.trial:perform"
+CLIMB_FUNCTION = "bench.run.trial:perform"
 
 
 def content_of(log: ScanLog) -> str:
-    """Hash of everything in a log that a result can follow from, however it was recorded."""
+    """Hash of all content of a log that can affect a result."""
     found = hashlib.sha256(repr(log.laser).encode())
     for values in (log.t, log.ranges):
         found.update(np.ascontiguousarray(values).tobytes())
@@ -54,7 +54,7 @@ def perform(
     odometry: bool,
     recorded: str | None,
 ) -> Result:
-    """Climb: {"trials": one for each level up to the first that lost the run}, costs alike."""
+    """Climb: {"trials": one for each level up to the first lost one}, and their costs."""
     from slams.registry import find
 
     entry = find(algorithm)
@@ -65,9 +65,9 @@ def perform(
         try:
             degraded = _log_of(canonical(log), canonical(condition), level, recorded)
             trial, cost = _run(entry, params, degraded, odometry)
-        except OF_THE_MACHINE:
+        except MACHINE_ERRORS:
             raise
-        except (Exception, SystemExit) as error:  # an outsider's may raise anything
+        except (Exception, SystemExit) as error:  # an external algorithm may raise anything
             trial, cost = {"failed": sentence(error)}, None
         trials.append(trial)
         costs.append(cost)
@@ -88,20 +88,20 @@ def _run(entry: Entry, params: Params, log: ScanLog, odometry: bool) -> tuple[Tr
 
 @cache
 def _freeze_kernels(label: str) -> None:
-    """Keep what an algorithm loaded out of garbage collection: else half of a short run's time."""
+    """Exclude loaded kernels from garbage collection, which takes half of a short run's time."""
     gc.collect()
     gc.freeze()
 
 
 def judged(run: Run, log: ScanLog) -> Trial:
-    """The figures of a run against the log's truth."""
+    """The figures of a run by the log's ground truth."""
     common = metrics.common_with(log, run.t, run.poses)
     if common is None:
-        return {"failed": f"{log.name}: fewer than two scans have a truth"}
+        return {"failed": f"{log.name}: fewer than two scans have ground truth"}
     row = sources(run.report, len(run))
     off = beyond(common)
     covered = ~np.isnan(log.truth_at(run.t)[:, 0])  # type: ignore[index]
-    said = alarms(run.says_lost[covered], common.t, off)
+    reports = alarms(run.says_lost[covered], common.t, off)
     second = metrics.errors_over_spans(common).get("1 s")
     return {
         "failed": None,
@@ -111,17 +111,17 @@ def judged(run: Run, log: ScanLog) -> Trial:
         "ate_m": ate(common.estimate, common.truth),
         "second_m": None if second is None else float(second.se2_translation.mean()),
         "lost": bool(off.any()),
-        "right_again": said.right_again,
-        "episodes": said.episodes,
-        "said_in_time": said.in_time,
-        "right_scans": said.right,
-        "false_alarms": said.false,
+        "right_again": reports.right_again,
+        "episodes": reports.episodes,
+        "said_in_time": reports.in_time,
+        "right_scans": reports.right,
+        "false_alarms": reports.false,
         "wheels_ate_m": _wheels_ate(log),
     }
 
 
 def _wheels_ate(log: ScanLog) -> float | None:
-    """Absolute error of the odometry by itself [m], over the scans that have some."""
+    """Absolute error of the odometry alone [m], over the scans with odometry."""
     wheels = log.odometry_at_scans()
     if wheels is None:
         return None
@@ -132,7 +132,7 @@ def _wheels_ate(log: ScanLog) -> float | None:
 
 @lru_cache(maxsize=1)
 def _loaded(identity: str, recorded: str | None) -> ScanLog:
-    """A log of the plan by its identity, as JSON: simulated, or read from where it lies here."""
+    """A log of the plan by its identity (JSON): simulated, or read from the path `recorded`."""
     from bench.sim.setting import Setting
     from bench.sim.simulation import simulate
     from slams.scanlog import load_npz
@@ -141,16 +141,16 @@ def _loaded(identity: str, recorded: str | None) -> ScanLog:
     if "setting" in known:
         return simulate(Setting(**known["setting"]))
     if recorded is None:
-        raise ValueError("a recorded log without its place on this machine")
+        raise ValueError("a recorded log without its path on this machine")
     log = load_npz(Path(recorded))
     if content_of(log) != known["content"]:
         raise OSError(f"{recorded}: has changed since the sweep began; start again")
     return log
 
 
-@lru_cache(maxsize=10)  # the levels of a climb: the next algorithm climbs the same ones
+@lru_cache(maxsize=10)  # levels of a climb; the next algorithm uses the same logs
 def _log_of(identity: str, condition: str, level: float, recorded: str | None) -> ScanLog:
-    """The log at a level of a condition, as JSON, thinned to its rate."""
+    """The log at a level of a condition (JSON), reduced to its scan rate."""
     from bench.sim.degrade import degrade
 
     known = json.loads(condition)

@@ -1,11 +1,11 @@
-"""Runs as pure functions: a task has a name that follows from all its result depends on.
+"""Runs as pure functions: the name of a task is a hash of all its inputs.
 
     task = Task("bench.run.some:run", {"log": sha256, "algorithm": "tsd", "seed": 3}, ("slams",))
     for key, value in run_all({task.key: task}, Store("results/sweep"), jobs=2):
         ...
 
-What has a result in the store need not be run again, so that a sweep that was killed goes on where
-it was, and a machine that did a part has done it for all.
+Tasks with a result in the store are not run again: an interrupted sweep continues, and machines can
+share the work.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from bench.run import pool
 from bench.run.pool import sentence
 from bench.run.store import Store, canonical, code_version, digest, plain
 
-# these tell of the machine, not of the algorithm: said, but not kept as its result
-OF_THE_MACHINE = (MemoryError, OSError, ImportError)
+# failures of the machine, not of the algorithm: reported, but not kept
+MACHINE_ERRORS = (MemoryError, OSError, ImportError)
 
 
 class Result(NamedTuple):
-    """What a task's function returns.
+    """The return value of a task's function.
 
-    `value` follows from the task alone; `measured` (CPU time, memory) also from the machine and
-    the moment. What is not `kept` is run again next time.
+    `value` depends on the task only; `measured` (CPU time, memory) also on the machine. A result
+    that is not `kept` is computed again at the next start.
     """
 
     value: dict[str, Any]
@@ -42,13 +42,13 @@ class Result(NamedTuple):
 class Task:
     """One run.
 
-    `function` is "module:function", called with `what` and `where` as keywords, and returns a
-    `Result`. `what` has everything the result follows from, as JSON: contents of logs by their
-    hash, parameters, seeds. `packages` are those whose code it follows from. `where` tells how to
-    get at it on this machine, paths of logs for instance, and is no part of the name.
+    `function` is "module:function", called with `what` and `where` as keywords; it returns a
+    `Result`. `what` contains all inputs as JSON: hashes of logs, parameters, seeds. `packages` are
+    those whose code affects the result. `where` contains local paths, which are not part of the
+    name.
 
     Raises:
-        ValueError, TypeError: from `key`, where `what` has something that JSON does not.
+        ValueError, TypeError: from `key`, if `what` is not valid JSON.
     """
 
     function: str
@@ -58,11 +58,11 @@ class Task:
 
     @cached_property
     def key(self) -> str:
-        """The name of the result: a hash of the function, of what it is given and of the code."""
+        """The name of the result: a hash of the function, its inputs and the code."""
         return self.key_for(code_version(self.packages))
 
     def key_for(self, code: str) -> str:
-        """The name with that version of the code."""
+        """The name for a version of the code."""
         known = {"function": self.function, "what": self.what, "code": code}
         return digest(canonical(known))
 
@@ -70,14 +70,14 @@ class Task:
 def run_all(
     tasks: Mapping[str, Task], store: Store, jobs: int
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Do tasks, by their keys, in `jobs` processes; each value as it ends, kept in the store.
+    """Run tasks by their keys in `jobs` processes, and yield and store each value as it ends.
 
-    A process does many tasks: kernels are loaded once. A run that failed has a value with "failed",
-    a sentence; that of a process that died is not kept.
+    A process runs many tasks, so that kernels are loaded once. The value of a failed run has the
+    reason in "failed"; it is not stored if the process died.
 
     Raises:
-        RuntimeError: a result cannot be written, or the code is another than that of the names;
-            results before it are kept.
+        RuntimeError: a result cannot be written, or the code has changed; earlier results are
+            kept.
     """
     calls = {key: (perform, (task, key)) for key, task in tasks.items()}
     with closing(pool.finished(calls, jobs, fresh=False)) as ended:
@@ -91,31 +91,31 @@ def run_all(
 
 
 def perform(task: Task, key: str) -> Result:
-    """Do a task; what the algorithm raises is its result.
+    """Run a task; an exception of the algorithm is its result.
 
     Raises:
-        RuntimeError: the code here is not the code that the task has its name `key` from.
-        TypeError: the function returned what JSON does not have.
+        RuntimeError: the local code differs from the code of the name `key`.
+        TypeError: the returned value is not valid JSON.
     """
     _check_code(task, key)
     module, _, attribute = task.function.partition(":")
     function: Callable[..., Result] = getattr(importlib.import_module(module), attribute)
     try:
         result = function(**task.what, **task.where)
-    except OF_THE_MACHINE as error:
+    except MACHINE_ERRORS as error:
         return Result({"failed": sentence(error)}, kept=False)
-    except (Exception, SystemExit) as error:  # an outsider's algorithm may raise anything
+    except (Exception, SystemExit) as error:  # an external algorithm may raise anything
         return Result({"failed": sentence(error)})
     return Result(plain(result.value), plain(result.measured), result.kept)
 
 
 def _check_code(task: Task, key: str) -> None:
-    """A process that started late, or on another machine, may have other code."""
+    """Check the code: a process that started later or on another machine may have other code."""
     with suppress(LookupError):
         if task.key_for(code_version(task.packages)) == key:
             return
     raise RuntimeError(
-        f"{platform.node()} has not the code that the work was started with "
+        f"{platform.node()} does not have the code with which the sweep started "
         f"({', '.join(task.packages)}, numpy, numba ...): install the same versions everywhere, "
-        "change nothing meanwhile, and start again"
+        "do not change the code meanwhile, and start again"
     )

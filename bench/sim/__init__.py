@@ -1,1 +1,1 @@
-"""Make a log: arenas, drives, sensors, and what breaks an algorithm."""
+"""Simulate logs: arenas, drives, sensors, degradations."""

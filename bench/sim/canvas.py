@@ -1,4 +1,4 @@
-"""What the arenas are drawn on: shapes become occupied cells, ways through them stay open."""
+"""Canvas of the arenas: shapes become occupied cells, passages between them stay open."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 from bench.sim.world import Mask, World
 
-MARGIN = 0.2  # m, around the arena
-GAP = 0.1  # m, between two things: narrower ones are closed
+ARENA_MARGIN = 0.2  # m around the arena
+MIN_GAP = 0.1  # m between two objects; narrower gaps are closed
 
 Outline = NDArray[np.float64]  # (n, 2) [m], corners of a convex shape, counter-clockwise
 Area = tuple[slice, slice]  # a window of cells
-EVERYWHERE: Area = (slice(None), slice(None))
+WHOLE_CANVAS: Area = (slice(None), slice(None))
 
 
 def pieces(mask: Mask) -> int:
-    """How many parts of a mask hang together over the edges of its cells."""
+    """Number of 4-connected components of a mask."""
     import cv2
 
     count, _ = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
@@ -29,17 +29,17 @@ def pieces(mask: Mask) -> int:
 class Canvas:
     """Cells to draw on, `shape` (ny, nx) and a margin; metres are measured from the inner corner.
 
-    `inside` is what belongs to the arena: nothing is drawn beyond, there nothing is known.
+    `inside` are the cells of the arena. All others are unknown, and nothing is drawn there.
 
     Raises:
-        ValueError: cells too coarse for thin walls.
+        ValueError: the cells are too coarse for thin walls.
     """
 
     def __init__(self, shape: tuple[int, int], resolution: float) -> None:
         if not 0.005 <= resolution <= 0.1:
             raise ValueError(f"resolution: got {resolution} m, expected 0.005 to 0.1 for the arena")
         self.resolution = resolution
-        self.margin = math.ceil(MARGIN / resolution)
+        self.margin = math.ceil(ARENA_MARGIN / resolution)
         ny, nx = shape
         self.occupied = np.zeros((ny + 2 * self.margin, nx + 2 * self.margin), np.bool_)
         self.inside = np.zeros_like(self.occupied)
@@ -53,10 +53,10 @@ class Canvas:
         return canvas
 
     def world(self) -> World:
-        """What is drawn, gaps too narrow to mean anything closed; outside nothing is known."""
+        """The drawn world, with narrow gaps closed; outside it is unknown."""
         import cv2
 
-        k = 2 * max(1, round(0.5 * GAP / self.resolution)) + 1  # odd: the anchor is its middle
+        k = 2 * max(1, round(0.5 * MIN_GAP / self.resolution)) + 1  # odd: the anchor is its middle
         square, drawn = np.ones((k, k), np.uint8), self.occupied.astype(np.uint8)
         closed = cv2.morphologyEx(drawn, cv2.MORPH_CLOSE, square) > 0
         occupied = self.occupied | (closed & self.inside)
@@ -75,17 +75,17 @@ class Canvas:
         self.occupied[self.area(left, bottom, right, top)] = False
 
     def hide(self, left: float, bottom: float, right: float, top: float) -> None:
-        """Take a rectangle [m] out of the arena: nobody can see or come there."""
+        """Remove a rectangle [m] from the arena."""
         area = self.area(left, bottom, right, top)
         self.inside[area] = self.occupied[area] = False
 
     def is_free(self, left: float, bottom: float, right: float, top: float) -> bool:
-        """Does nothing stand in a rectangle [m]?"""
+        """Whether a rectangle [m] is free."""
         area = self.area(left, bottom, right, top)
         return not self.occupied[area].any() and bool(self.inside[area].all())
 
     def fill(self, outline: Outline) -> None:
-        """Occupy the cells with their center in an outline."""
+        """Occupy the cells whose centers lie in an outline."""
         cells = outline / self.resolution + self.margin
         low = np.maximum(np.floor(cells.min(axis=0)).astype(int), 0)
         high = np.ceil(cells.max(axis=0)).astype(int)
@@ -97,26 +97,26 @@ class Canvas:
             within &= (bx - ax) * (y - ay) >= (by - ay) * (x - ax)
         window |= within & self.inside[low[1] : high[1], low[0] : high[0]]
 
-    def put(self, outlines: Sequence[Outline], way: float, area: Area = EVERYWHERE) -> bool:
-        """Fill outlines inside of `area` unless they part the ways through it; were they put?
+    def put(self, outlines: Sequence[Outline], clearance: float, area: Area = WHOLE_CANVAS) -> bool:
+        """Fill outlines in `area` if the places with `clearance` [m] stay connected.
 
-        A way keeps `way` [m] on both sides.
+        Returns whether they were filled.
         """
         before = self.occupied[area].copy()
         for outline in outlines:
             self.fill(outline)
-        passable = self._passable(way, area)
+        passable = self._passable(clearance, area)
         if not passable:
             self.occupied[area] = before
         return passable
 
-    def _passable(self, way: float, area: Area) -> bool:
-        """Do all places with `way` [m] to everything hang together?"""
+    def _passable(self, clearance: float, area: Area) -> bool:
+        """Whether all places with `clearance` [m] are connected."""
         import cv2
 
         free = (self.inside[area] & ~self.occupied[area]).astype(np.uint8)
-        away = cv2.distanceTransform(free, cv2.DIST_L2, 5) * self.resolution  # within 2 %
-        return pieces(away >= way) == 1
+        distance = cv2.distanceTransform(free, cv2.DIST_L2, 5) * self.resolution  # within 2 %
+        return pieces(distance >= clearance) == 1
 
 
 def rectangle(center: tuple[float, float], length: float, width: float, angle: float) -> Outline:
@@ -125,8 +125,8 @@ def rectangle(center: tuple[float, float], length: float, width: float, angle: f
     corners = 0.5 * np.array(
         [[-length, -width], [length, -width], [length, width], [-length, width]]
     )
-    turned: Outline = corners @ np.array([[c, s], [-s, c]]) + np.array(center)
-    return turned
+    rotated: Outline = corners @ np.array([[c, s], [-s, c]]) + np.array(center)
+    return rotated
 
 
 def round_outline(center: tuple[float, float], radius: float) -> Outline:

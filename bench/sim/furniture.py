@@ -1,7 +1,7 @@
-"""What stands in offices and halls, as a laser cuts it a hand's breadth or two above the floor.
+"""Furniture of offices and halls: outlines at the height of a laser above the floor.
 
-A piece stands on its footprint (length, depth) [m]: outlines from x = 0 to the length and from
-y = 0, its back, to the depth.
+The outlines of a piece lie in its footprint (length, depth) [m]: x from 0 to the length, y from 0,
+the back, to the depth.
 """
 
 from __future__ import annotations
@@ -18,39 +18,39 @@ from bench.sim.canvas import Outline, rectangle, round_outline
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-LEG = 0.05  # m, edge of a table's leg
-FOOT = 0.04  # m, edge of a chair's
-UPRIGHT = 0.1  # m, edge of a rack's
+TABLE_LEG_WIDTH = 0.05  # m
+CHAIR_LEG_WIDTH = 0.04  # m
+RACK_UPRIGHT_WIDTH = 0.1  # m
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A piece of furniture: its footprint [m] and what of it the laser meets."""
+    """A piece of furniture: its footprint [m] and its outlines in the laser's plane."""
 
     length: float
     depth: float
     outlines: Sequence[Outline]
-    free: bool = False  # stands free, not with its back to a wall
+    free: bool = False  # stands anywhere, not with its back to a wall
 
     def sides(self, quarters: int) -> tuple[float, float]:
-        """Extent of the footprint in x and y [m], turned by quarters of a turn."""
+        """Extent of the footprint in x and y [m], rotated by quarter turns."""
         return (self.depth, self.length) if quarters % 2 else (self.length, self.depth)
 
     def at(self, left: float, bottom: float, quarters: int) -> list[Outline]:
-        """Outlines with the turned footprint's lower left corner there."""
+        """Outlines with the rotated footprint's lower left corner at (left, bottom)."""
         dx, dy = self.sides(quarters)
         right, top = left + dx, bottom + dy
         corner = ((left, bottom), (right, bottom), (right, top), (left, top))[quarters % 4]
         c, s = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarters % 4]
-        turn = np.array([[c, s], [-s, c]], np.float64)
-        return [outline @ turn + np.array(corner) for outline in self.outlines]
+        rotation = np.array([[c, s], [-s, c]], np.float64)
+        return [outline @ rotation + np.array(corner) for outline in self.outlines]
 
 
 PieceMaker = Callable[["Generator"], Piece]
 
 
 def box(left: float, bottom: float, right: float, top: float) -> Outline:
-    """A rectangle square to the axes."""
+    """A rectangle parallel to the axes."""
     return np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
 
 
@@ -62,14 +62,14 @@ def _posts(left: float, bottom: float, right: float, top: float, edge: float) ->
 
 def _chair(x: float, y: float) -> list[Outline]:
     """Four feet around (x, y)."""
-    return _posts(x - 0.22, y - 0.22, x + 0.22, y + 0.22, FOOT)
+    return _posts(x - 0.22, y - 0.22, x + 0.22, y + 0.22, CHAIR_LEG_WIDTH)
 
 
 def desk(rng: Generator) -> Piece:
     """A desk with drawers on one side, legs on the other and a chair before it."""
     length = float(rng.uniform(1.4, 1.8))
     drawers = box(0.0, 0.1, 0.43, 0.7)
-    legs = [box(length - LEG, y, length, y + LEG) for y in (0.0, 0.75)]
+    legs = [box(length - TABLE_LEG_WIDTH, y, length, y + TABLE_LEG_WIDTH) for y in (0.0, 0.75)]
     chair = _chair(0.6 * length + float(rng.uniform(-0.1, 0.2)), float(rng.uniform(0.75, 1.05)))
     return Piece(length, 1.3, [drawers, *legs, *chair])
 
@@ -81,7 +81,7 @@ def cupboard(rng: Generator) -> Piece:
 
 
 def table(rng: Generator) -> Piece:
-    """A table to meet at, with chairs on both sides."""
+    """A meeting table with chairs on both sides."""
     seats = int(rng.integers(1, 4))
     length = 0.5 + 0.7 * seats
     chairs = []
@@ -89,11 +89,11 @@ def table(rng: Generator) -> Piece:
         x = 0.6 + 0.7 * k
         chairs += _chair(x, 0.3 + float(rng.uniform(-0.05, 0.1)))
         chairs += _chair(x, 1.7 - float(rng.uniform(-0.05, 0.1)))
-    return Piece(length, 2.0, [*_posts(0.0, 0.5, length, 1.5, LEG), *chairs], free=True)
+    return Piece(length, 2.0, [*_posts(0.0, 0.5, length, 1.5, TABLE_LEG_WIDTH), *chairs], free=True)
 
 
 def bin_or_plant(rng: Generator) -> Piece:
-    """Something round."""
+    """A round bin or plant."""
     radius = float(rng.uniform(0.12, 0.22))
     return Piece(2.0 * radius, 2.0 * radius, [round_outline((radius, radius), radius)])
 
@@ -107,21 +107,22 @@ def copier(rng: Generator) -> Piece:
 def rack(length: float, depth: float, full: float, rng: Generator) -> Piece:
     """Pallet racks in a row: uprights between bays, of which a share `full` holds a pallet."""
     bays = max(1, round(length / 2.7))
-    bay = (length - UPRIGHT) / bays
+    bay = (length - RACK_UPRIGHT_WIDTH) / bays
     outlines = []
     for k in range(bays + 1):
         x = k * bay
-        outlines += [box(x, y, x + UPRIGHT, y + UPRIGHT) for y in (0.0, depth - UPRIGHT)]
+        for y in (0.0, depth - RACK_UPRIGHT_WIDTH):
+            outlines.append(box(x, y, x + RACK_UPRIGHT_WIDTH, y + RACK_UPRIGHT_WIDTH))
     for k in range(bays):
         if rng.random() < full:
             side, back = rng.uniform(0.1, 0.4, 2).tolist()
-            left = k * bay + UPRIGHT + side
+            left = k * bay + RACK_UPRIGHT_WIDTH + side
             outlines.append(box(left, 0.3 * back, (k + 1) * bay - back, depth - 0.3 * side))
     return Piece(length, depth, outlines)
 
 
 def pallets(rng: Generator) -> Piece:
-    """One to six loaded pallets in rows, put down by eye."""
+    """One to six loaded pallets in rows, slightly rotated."""
     nx, ny = int(rng.integers(1, 4)), int(rng.integers(1, 3))
     outlines = []
     for k in range(nx * ny):

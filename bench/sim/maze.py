@@ -1,8 +1,8 @@
-"""A seeded arena like RoboCup Rescue's: a maze of wall panels with the elements teams meet there.
+"""A seeded arena like those of RoboCup Rescue: a maze of wall panels with obstacles.
 
 After the standard test methods of the NIST arenas: square lanes between plywood panels, rooms,
-dead ends, doorways, blocks, boxes and pallets, slanted panels, barrels and posts. All is drawn as
-occupied cells; every lane stays reachable for a robot that keeps `WAY` metres from all of it.
+dead ends, doorways, blocks, boxes and pallets, slanted panels, barrels and posts. Every lane stays
+reachable for a robot that keeps `MAZE_CLEARANCE` to all occupied cells.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from bench.sim.world import Mask, World
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-PANEL = 0.08  # m, thickness of a wall panel on its battens
-LANES = (1.3, 1.7)  # m, from panel to panel; NIST: 1.2 m lanes, RoboCup maps up to 1.6 m
-WAY = 0.46  # m, kept free on both sides of a way to every place with so much room
-OPEN = 0.42  # share of the panels taken away beyond those that a maze must lack
-DOORS = 0.06  # share of the openings that are doorways
-DOOR = 1.0  # m, opening of a doorway
+PANEL_THICKNESS = 0.08  # m, with its battens
+LANE_WIDTHS = (1.3, 1.7)  # m; NIST: 1.2 m lanes, RoboCup maps up to 1.6 m
+MAZE_CLEARANCE = 0.46  # m on both sides of a path
+REMOVED_PANEL_SHARE = 0.42  # of the panels beyond those removed to connect the maze
+DOORWAY_SHARE = 0.06  # of the openings
+DOORWAY_WIDTH = 1.0  # m
 
 
 @dataclass
@@ -49,7 +49,7 @@ class Plan:
     def edges(
         self,
     ) -> list[tuple[NDArray[np.int8], tuple[int, int], tuple[int, int], tuple[int, int]]]:
-        """Every panel between two lanes: its array, its place there, and the lanes."""
+        """Every panel between two lanes: its array, its index there, and the two lanes."""
         found = []
         for iy, ix in np.argwhere(self.lane).tolist():
             if ix and self.lane[iy, ix - 1]:
@@ -63,9 +63,9 @@ def rescue_arena(rng: Generator, resolution: float = 0.02, size: float = 20.0) -
     """An arena of about `size` x `size` metres; same generator state, same arena.
 
     Raises:
-        ValueError: cells too coarse for the panels, or no room for a maze.
+        ValueError: the cells are too coarse for the panels, or the size is too small.
     """
-    pitch = round(float(rng.uniform(*LANES)) / resolution)
+    pitch = round(float(rng.uniform(*LANE_WIDTHS)) / resolution)
     n = int(size / (pitch * resolution))
     if not 4 <= n <= 100:
         raise ValueError(f"size: got {size} m, expected 7 to 130 for the arena")
@@ -78,7 +78,7 @@ def rescue_arena(rng: Generator, resolution: float = 0.02, size: float = 20.0) -
 
 
 def _plan(n: int, rng: Generator) -> Plan:
-    """The maze: a tree of lanes, so that all hang together, then more panels taken away."""
+    """The maze: a spanning tree of lanes, with more panels removed."""
     lane = _outline(n, rng)
     block = _blocks(lane, rng)
     plan = Plan(lane & ~block, block)
@@ -90,8 +90,8 @@ def _plan(n: int, rng: Generator) -> Plan:
         first, second = _root(group, a), _root(group, b)
         group[first] = second
         if first != second:
-            panels[at] = 2 if rng.random() < DOORS else 0
-        elif rng.random() < OPEN:
+            panels[at] = 2 if rng.random() < DOORWAY_SHARE else 0
+        elif rng.random() < REMOVED_PANEL_SHARE:
             panels[at] = 0
         if room[a] and room[a] == room[b]:
             panels[at] = 0
@@ -105,7 +105,7 @@ def _root(group: dict[tuple[int, int], tuple[int, int]], a: tuple[int, int]) -> 
 
 
 def _outline(n: int, rng: Generator) -> Mask:
-    """A square of n x n with its corners cut in steps, from a little to a diamond."""
+    """A square of n x n with corners cut in steps, up to a diamond."""
     iy, ix = np.mgrid[:n, :n]
     cut = rng.uniform(0.05, 0.5, 4) * n
     ends = (ix + iy, ix + n - 1 - iy, n - 1 - ix + iy, 2 * n - 2 - ix - iy)
@@ -114,7 +114,7 @@ def _outline(n: int, rng: Generator) -> Mask:
 
 
 def _blocks(lane: Mask, rng: Generator) -> Mask:
-    """One square in twenty filled, where the rest stays in one piece."""
+    """One square in twenty is solid, if the others stay connected."""
     block = np.zeros_like(lane)
     places = rng.permutation(np.argwhere(lane))
     for iy, ix in places[: len(places) // 20].tolist():
@@ -148,13 +148,14 @@ class MazeCanvas(Canvas):
         self._panels()
 
     def furnish(self, lane: tuple[int, int], rng: Generator) -> None:
-        """Put one element into a lane, unless it would close the way; a few tries."""
-        element = ELEMENTS[int(rng.integers(len(ELEMENTS)))]
+        """Put one element into a lane, unless it would block a path; four attempts."""
+        element = MAZE_ELEMENTS[int(rng.integers(len(MAZE_ELEMENTS)))]
         edge = self.pitch * self.resolution
         corner = np.array([lane[1] * edge, lane[0] * edge])
         nooks = self._nooks(*lane)
         for _ in range(4):
-            if self.put([corner + outline for outline in element(edge, nooks, rng)], WAY):
+            outlines = [corner + outline for outline in element(edge, nooks, rng)]
+            if self.put(outlines, MAZE_CLEARANCE):
                 return
 
     def _nooks(self, iy: int, ix: int) -> list[int]:
@@ -168,9 +169,9 @@ class MazeCanvas(Canvas):
         return slice(y, y + self.pitch), slice(x, x + self.pitch)
 
     def _panels(self) -> None:
-        """Panels lie on the lines between squares and reach half their thickness past each end."""
-        half = max(1, round(0.5 * PANEL / self.resolution))
-        side = round(0.5 * (self.pitch - DOOR / self.resolution))
+        """Draw panels between squares, half a thickness longer at each end."""
+        half = max(1, round(0.5 * PANEL_THICKNESS / self.resolution))
+        side = round(0.5 * (self.pitch - DOORWAY_WIDTH / self.resolution))
         for panels, turned in ((self.plan.south, False), (self.plan.west.T, True)):
             canvas = self.occupied.T if turned else self.occupied
             for iy, ix in np.argwhere(panels).tolist():
@@ -180,14 +181,14 @@ class MazeCanvas(Canvas):
                 row[:, -side - half :] = True
 
 
-def _place(edge: float, away: float, rng: Generator) -> tuple[float, float]:
-    """A point of the lane at least `away` from its borders."""
-    x, y = rng.uniform(away, edge - away, 2).tolist()
+def _place(edge: float, margin: float, rng: Generator) -> tuple[float, float]:
+    """A point of the lane at least `margin` [m] from its borders."""
+    x, y = rng.uniform(margin, edge - margin, 2).tolist()
     return x, y
 
 
 def _barrel(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
-    """A barrel or pipe upright."""
+    """An upright barrel or pipe."""
     radius = float(rng.uniform(0.1, 0.29))
     return [round_outline(_place(edge, radius, rng), radius)]
 
@@ -200,20 +201,20 @@ def _posts(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
 
 
 def _box(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
-    """A crate, pallet or step field, mostly square to the panels."""
+    """A crate, pallet or step field, mostly parallel to the panels."""
     length, width = rng.uniform(0.25, 0.8, 2).tolist()
     angle = float(rng.uniform(0.0, math.pi)) if rng.random() < 0.3 else 0.0
     return [rectangle(_place(edge, 0.5 * min(length, width), rng), length, width, angle)]
 
 
 def _slanted(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
-    """A panel that stands free at any angle."""
+    """A free-standing panel at any angle."""
     length, angle = float(rng.uniform(0.5, 1.0)), float(rng.uniform(0.0, math.pi))
-    return [rectangle(_place(edge, 0.2, rng), length, PANEL, angle)]
+    return [rectangle(_place(edge, 0.2, rng), length, PANEL_THICKNESS, angle)]
 
 
 def _corner(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
-    """A panel across a corner between two panels; where there is none, one that stands free."""
+    """A panel across a corner between two panels; without a corner a free-standing panel."""
     if not nooks:
         return _slanted(edge, nooks, rng)
     cut = float(rng.uniform(0.3, 0.6)) * edge
@@ -225,4 +226,4 @@ def _corner(edge: float, nooks: list[int], rng: Generator) -> list[Outline]:
     return [outline + middle]
 
 
-ELEMENTS = (_barrel, _posts, _box, _box, _slanted, _corner)
+MAZE_ELEMENTS = (_barrel, _posts, _box, _box, _slanted, _corner)

@@ -1,8 +1,8 @@
 """A seeded office floor: corridors, rooms with open doors on both sides, furniture.
 
-Corridors run the length of the floor one above the other, with rows of rooms below and above each,
-and are joined by others across, so that there are loops; here and there two rows make room for one
-of open plan. A drive that keeps 0.3 m off everything comes into every room.
+Parallel corridors run along the floor, with a row of rooms on each side. Cross corridors connect
+them, which makes loops. Some rooms are open-plan offices. A drive with 0.3 m of clearance reaches
+every room.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
     from bench.sim.furniture import Piece, PieceMaker
 
-OUTER = 0.3  # m, thickness of the outer walls
-WALL = 0.1  # m, of all others
-DOORS = (0.9, 1.0)  # m, opening of a door
-CORRIDORS = (1.8, 2.2)  # m, width
-ROOMS = (3.0, 6.0)  # m, width
-HALVES = (0.46, 0.54)  # share of the depth beside a corridor that the rooms below it have
-MODULE = 12.5  # m, depth of a corridor with its rooms
-CROSSING = 20.0  # m, about, from one corridor across to the next
-OPEN_PLAN = (7.0, 10.0)  # m, width of a room of open plan
-WAY = 0.43  # m, kept free on both sides of a way
-STEP = 1.2  # m, of the corridor before a door that its room's furniture is checked with
-PIECES: tuple[PieceMaker, ...] = (
+OUTER_WALL_THICKNESS = 0.3  # m
+INNER_WALL_THICKNESS = 0.1  # m
+DOOR_WIDTHS = (0.9, 1.0)  # m
+CORRIDOR_WIDTHS = (1.8, 2.2)  # m
+ROOM_WIDTHS = (3.0, 6.0)  # m
+LOWER_ROOM_SHARES = (0.46, 0.54)  # of the depth of two rows of rooms
+MODULE_DEPTH = 12.5  # m, of a corridor with its rooms
+CROSSING_SPACING = 20.0  # m between cross corridors
+OPEN_PLAN_WIDTHS = (7.0, 10.0)  # m
+OFFICE_CLEARANCE = 0.43  # m on both sides of a path
+DOOR_FRONT_DEPTH = 1.2  # m of the corridor that furniture must not block
+OFFICE_PIECES: tuple[PieceMaker, ...] = (
     furniture.desk,
     furniture.desk,
     furniture.desk,
@@ -68,7 +68,7 @@ class Room:
 
 @dataclass
 class Floor:
-    """Rooms, corridors as rectangles (left, bottom, right, top) [m], and places of doors."""
+    """Rooms, and corridors as rectangles (left, bottom, right, top) [m]."""
 
     width: float
     depth: float
@@ -79,7 +79,8 @@ class Floor:
 def office(rng: Generator, resolution: float, size: float) -> World:
     """An office floor of about `size` x 5/8 `size` metres; same generator state, same floor."""
     floor = _floor(size, 0.625 * size, rng)
-    canvas = Canvas.solid(floor.width + 2.0 * OUTER, floor.depth + 2.0 * OUTER, resolution)
+    walls = 2.0 * OUTER_WALL_THICKNESS
+    canvas = Canvas.solid(floor.width + walls, floor.depth + walls, resolution)
     for corridor in floor.corridors:
         canvas.carve(*corridor)
     for room in floor.rooms:
@@ -92,54 +93,56 @@ def office(rng: Generator, resolution: float, size: float) -> World:
 
 
 def _floor(width: float, depth: float, rng: Generator) -> Floor:
-    """Corridors and rooms, bottom up."""
-    floor = Floor(width, depth)
-    n = max(1, round(depth / MODULE))
-    bands = [_band(OUTER + k * depth / n, depth / n, rng) for k in range(n)]
-    right = OUTER + width
-    floor.corridors = [(OUTER, low, right, high) for low, high in bands]
-    _row(floor, (OUTER, right), (OUTER, bands[0][0] - WALL), False, True, rng)
+    """Corridors and rooms, from the bottom to the top."""
+    floor, outer, inner = Floor(width, depth), OUTER_WALL_THICKNESS, INNER_WALL_THICKNESS
+    n = max(1, round(depth / MODULE_DEPTH))
+    bands = [_band(outer + k * depth / n, depth / n, rng) for k in range(n)]
+    right = outer + width
+    floor.corridors = [(outer, low, right, high) for low, high in bands]
+    _row(floor, (outer, right), (outer, bands[0][0] - inner), False, True, rng)
     for (_, low), (high, _) in pairwise(bands):
         _between(floor, low, high, rng)
-    _row(floor, (OUTER, right), (bands[-1][1] + WALL, OUTER + depth), True, False, rng)
+    _row(floor, (outer, right), (bands[-1][1] + inner, outer + depth), True, False, rng)
     return floor
 
 
 def _band(bottom: float, depth: float, rng: Generator) -> tuple[float, float]:
     """Lower and upper wall of the corridor of a module."""
-    width = float(rng.uniform(*CORRIDORS))
-    low = bottom + (depth - width) * float(rng.uniform(*HALVES))
+    width = float(rng.uniform(*CORRIDOR_WIDTHS))
+    low = bottom + (depth - width) * float(rng.uniform(*LOWER_ROOM_SHARES))
     return low, low + width
 
 
 def _between(floor: Floor, low: float, high: float, rng: Generator) -> None:
-    """Corridors across from `low` to `high`, and between them rooms back to back."""
-    n = max(1, round(floor.width / CROSSING))
-    left = OUTER
+    """Cross corridors from `low` to `high`, and between them rooms back to back."""
+    outer, inner = OUTER_WALL_THICKNESS, INNER_WALL_THICKNESS
+    across = (low + inner, high - inner)
+    n = max(1, round(floor.width / CROSSING_SPACING))
+    left = outer
     for k in range(n):
-        middle = OUTER + floor.width * (k + 0.5 + float(rng.uniform(-0.15, 0.15))) / n
-        half = 0.5 * float(rng.uniform(*CORRIDORS))
+        middle = outer + floor.width * (k + 0.5 + float(rng.uniform(-0.15, 0.15))) / n
+        half = 0.5 * float(rng.uniform(*CORRIDOR_WIDTHS))
         floor.corridors.append((middle - half, low, middle + half, high))
-        _rows(floor, (left, middle - half - WALL), (low + WALL, high - WALL), rng)
-        left = middle + half + WALL
-    _rows(floor, (left, OUTER + floor.width), (low + WALL, high - WALL), rng)
+        _rows(floor, (left, middle - half - inner), across, rng)
+        left = middle + half + inner
+    _rows(floor, (left, outer + floor.width), across, rng)
 
 
 def _rows(
     floor: Floor, along: tuple[float, float], across: tuple[float, float], rng: Generator
 ) -> None:
-    """Two rows of rooms, or at the left end or all of it one room of open plan."""
+    """Two rows of rooms; an open-plan office may replace the left part or all of them."""
     (left, right), (bottom, top) = along, across
-    plan = float(rng.uniform(*OPEN_PLAN))
-    if right - left > OPEN_PLAN[0] and rng.random() < 0.5:
-        end = left + plan if right - left - plan > ROOMS[0] else right
+    plan = float(rng.uniform(*OPEN_PLAN_WIDTHS))
+    if right - left > OPEN_PLAN_WIDTHS[0] and rng.random() < 0.5:
+        end = left + plan if right - left - plan > ROOM_WIDTHS[0] else right
         floor.rooms.append(Room(left, bottom, end, top, True, True))
-        left = end + WALL
+        left = end + INNER_WALL_THICKNESS
     if right - left < 1.5:
         return
-    middle = bottom + (top - bottom) * float(rng.uniform(*HALVES))
-    _row(floor, (left, right), (bottom, middle - 0.5 * WALL), True, False, rng)
-    _row(floor, (left, right), (middle + 0.5 * WALL, top), False, True, rng)
+    middle = bottom + (top - bottom) * float(rng.uniform(*LOWER_ROOM_SHARES))
+    _row(floor, (left, right), (bottom, middle - 0.5 * INNER_WALL_THICKNESS), True, False, rng)
+    _row(floor, (left, right), (middle + 0.5 * INNER_WALL_THICKNESS, top), False, True, rng)
 
 
 def _row(
@@ -150,25 +153,26 @@ def _row(
     above: bool,
     rng: Generator,
 ) -> None:
-    """Rooms side by side that fill a rectangle; now and then a wide one."""
+    """Rooms side by side that fill a rectangle; sometimes one of them is wide."""
     left, right = along
     n = max(1, round((right - left) / 4.4))
-    shares = rng.uniform(*ROOMS, n)
+    shares = rng.uniform(*ROOM_WIDTHS, n)
     if n > 3 and rng.random() < 0.4:
         shares[int(rng.integers(n))] *= 2.0
-    for width in ((right - left + WALL) * shares / shares.sum()).tolist():
-        floor.rooms.append(Room(left, across[0], left + width - WALL, across[1], below, above))
+    for width in ((right - left + INNER_WALL_THICKNESS) * shares / shares.sum()).tolist():
+        end = left + width - INNER_WALL_THICKNESS
+        floor.rooms.append(Room(left, across[0], end, across[1], below, above))
         left += width
 
 
 def _doors(canvas: Canvas, room: Room, rng: Generator) -> None:
     """A door to each corridor beside a room, two in a wide room."""
-    for there, wall in ((room.below, room.bottom - WALL), (room.above, room.top)):
+    for there, wall in ((room.below, room.bottom - INNER_WALL_THICKNESS), (room.above, room.top)):
         if not there:
             continue
-        for k in range(n := 1 if room.width < OPEN_PLAN[0] else 2):
+        for k in range(n := 1 if room.width < OPEN_PLAN_WIDTHS[0] else 2):
             share = room.width / n
-            wanted = float(rng.uniform(*DOORS))
+            wanted = float(rng.uniform(*DOOR_WIDTHS))
             slack = share - wanted - 0.3
             left = room.left + k * share + 0.15 + float(rng.uniform(0.0, slack))
             _opening(canvas, left, wall, wanted)
@@ -179,19 +183,21 @@ def _opening(canvas: Canvas, left: float, bottom: float, width: float) -> None:
     cell = canvas.resolution
     left = round(left / cell) * cell
     right = left + math.ceil(width / cell - 1e-6) * cell
-    canvas.carve(left, bottom - 0.5 * WALL, right, bottom + 1.5 * WALL)
+    wall = INNER_WALL_THICKNESS
+    canvas.carve(left, bottom - 0.5 * wall, right, bottom + 1.5 * wall)
 
 
 def _furnish(canvas: Canvas, room: Room, rng: Generator) -> None:
     """Desks and cupboards along the walls, tables in the middle, about one piece to 4 m^2."""
+    wall = INNER_WALL_THICKNESS
     area = canvas.area(
-        room.left - WALL,
-        room.bottom - (WALL + STEP if room.below else WALL),
-        room.right + WALL,
-        room.top + (WALL + STEP if room.above else WALL),
+        room.left - wall,
+        room.bottom - (wall + DOOR_FRONT_DEPTH if room.below else wall),
+        room.right + wall,
+        room.top + (wall + DOOR_FRONT_DEPTH if room.above else wall),
     )
     for _ in range(int(room.width * room.depth / 4.0)):
-        piece = PIECES[int(rng.integers(len(PIECES)))](rng)
+        piece = OFFICE_PIECES[int(rng.integers(len(OFFICE_PIECES)))](rng)
         for _ in range(3):
             placed = _place(room, piece, rng)
             if placed is None:
@@ -199,7 +205,7 @@ def _furnish(canvas: Canvas, room: Room, rng: Generator) -> None:
             left, bottom, quarters = placed
             dx, dy = piece.sides(quarters)
             free = canvas.is_free(left, bottom, left + dx, bottom + dy)
-            if free and canvas.put(piece.at(left, bottom, quarters), WAY, area):
+            if free and canvas.put(piece.at(left, bottom, quarters), OFFICE_CLEARANCE, area):
                 break
 
 

@@ -1,4 +1,4 @@
-"""People on foot: where their legs are."""
+"""Positions of the legs of walking people."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ if TYPE_CHECKING:
 
     from bench.sim.world import World
 
-LEG = 0.06  # m, radius of a leg with trousers
-PACE = (0.8, 1.2)  # m/s, the slowest and the fastest
-STEP = 0.7  # m, from footfall to footfall
-SWING = 0.25  # m, from the middle to a foot put forward
-APART = 0.1  # m, from the middle to either side
+LEG_RADIUS = 0.06  # m, with trousers
+WALKING_SPEEDS = (0.8, 1.2)  # m/s
+STEP_LENGTH = 0.7  # m
+FOOT_SWING = 0.25  # m, longitudinal, from the middle of the body
+FOOT_OFFSET = 0.1  # m, lateral, from the middle of the body
 
 
 def legs(world: World, robot: Drive, people: int, rng: Generator) -> Floats:
-    """Where the legs (n, 2 * people, 2) [m] of walking people are at each sample of the drive.
+    """Positions (n, 2 * people, 2) [m] of the legs of people at each sample of the drive.
 
-    People walk 0.8 to 1.2 m/s on ways of their own and step aside when the robot comes near.
+    People walk at 0.8 to 1.2 m/s on their own paths and avoid the robot.
     """
     rate, seconds = 1.0 / (robot.t[1] - robot.t[0]), float(robot.t[-1])
     both = []
     for one in rng.spawn(people):
-        v = float(one.uniform(*PACE))
+        v = float(one.uniform(*WALKING_SPEEDS))
         walk = drive(world, Robot(v, 2.0, 0.25, 2.0, 6.0), one, seconds, rate)
-        middle = _aside(walk.poses[:, :2], robot.poses[:, :2], 0.6)
+        middle = _kept_away(walk.poses[:, :2], robot.poses[:, :2], 0.6)
         both.append(gait(middle, walk.poses[:, 2], driven(walk.poses)))
     return np.concatenate(both, axis=1)
 
 
 def gait(middle: Floats, heading: Floats, travelled: Floats) -> Floats:
-    """Both legs (n, 2, 2) [m] of somebody at `middle` (n, 2) who has `travelled` (n,) [m]."""
-    swing = SWING * np.sin(math.pi / STEP * travelled)[:, None]
+    """Both legs (n, 2, 2) [m] of a person at `middle` (n, 2) after `travelled` (n,) [m]."""
+    swing = FOOT_SWING * np.sin(math.pi / STEP_LENGTH * travelled)[:, None]
     c, s = np.cos(heading), np.sin(heading)
-    ahead, left = np.stack([c, s], axis=1), np.stack([-s, c], axis=1)
-    stride = swing * ahead + APART * left
+    front, left = np.stack([c, s], axis=1), np.stack([-s, c], axis=1)
+    stride = swing * front + FOOT_OFFSET * left
     return np.stack([middle + stride, middle - stride], axis=1)
 
 
-def _aside(points: Floats, robot: Floats, least: float) -> Floats:
-    """Points (n, 2) moved straight away from the robot's (n, 2) to at least `least` [m]."""
-    away = points - robot
-    distance = np.hypot(*away.T)[:, None]
-    return np.asarray(robot + away * np.maximum(1.0, least / np.maximum(distance, 1e-6)))
+def _kept_away(points: Floats, robot: Floats, min_distance: float) -> Floats:
+    """Points (n, 2) moved away from the robot's (n, 2) to at least `min_distance` [m]."""
+    offset = points - robot
+    distance = np.hypot(*offset.T)[:, None]
+    return np.asarray(robot + offset * np.maximum(1.0, min_distance / np.maximum(distance, 1e-6)))

@@ -16,8 +16,8 @@ from slams.types import Floats
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-STEP = 0.06  # m, least distance of two nodes of the route graph
-NEIGHBORS = ((0, 1), (1, 0), (1, 1), (1, -1))  # (dy, dx) to half of the eight
+MIN_NODE_DISTANCE = 0.06  # m between two nodes of the route graph
+HALF_NEIGHBORS = ((0, 1), (1, 0), (1, 1), (1, -1))  # (dy, dx) to four of the eight neighbors
 Numbers = NDArray[np.integer]
 
 
@@ -44,29 +44,29 @@ class Nodes:
 
 def nodes_of(world: World, clearance: float) -> Nodes:
     """Every k-th cell's center, open where all walls are at least `clearance` [m] away."""
-    k = max(1, math.floor(STEP / world.resolution + 1e-9))
+    k = max(1, math.floor(MIN_NODE_DISTANCE / world.resolution + 1e-9))
     room = world.clearance[k // 2 :: k, k // 2 :: k]
     return Nodes(room.astype(np.float64) >= clearance, room, k, world)
 
 
 class EveryNode:
-    """Every node of a part of the grid is a place, as `bench.sim.regions` is for large worlds.
+    """Every node of a part of the grid is a place; large worlds use `bench.sim.regions`.
 
-    `points` (n, 2) [m], `clearance` (n,) [m], `graph` (n, n) of costs; `step` [m] is about the
-    distance of two neighbors. A goal is the nearest of `choice` random places; a share `anywhere`
-    of the goals is just any place.
+    `points` (n, 2) [m], `clearance` (n,) [m], `graph` (n, n) of costs; `step` [m] is the
+    approximate distance of two neighbors. A goal is the nearest of `choice` random places; for a
+    share `anywhere` of the goals it is any place.
     """
 
     choice = 6
     anywhere = 0.15
 
     def __init__(self, nodes: Nodes, part: Mask) -> None:
-        self.step = STEP
+        self.step = MIN_NODE_DISTANCE
         self.clearance = nodes.clearance[part].astype(np.float64)
         self.points = nodes.points(*np.nonzero(part))
         index = np.full(part.shape, -1)
         index[part] = np.arange(len(self.points))
-        steps = [(*pairs(index, dy, dx), math.hypot(dy, dx)) for dy, dx in NEIGHBORS]
+        steps = [(*pairs(index, dy, dx), math.hypot(dy, dx)) for dy, dx in HALF_NEIGHBORS]
         self.graph = graph_of(steps, price(self.clearance, float(self.clearance.min())))
 
     def line(self, route: list[int]) -> Floats:
@@ -76,7 +76,7 @@ class EveryNode:
 
 
 def price(room: Floats, least: float) -> Floats:
-    """What a step costs (n,): dearer where walls are near, most at the `least` room [m]."""
+    """Cost factor (n,) of a step: larger near walls, maximal at the `least` clearance [m]."""
     return np.asarray(1.0 + 6.0 * np.exp(-(room - least) / 0.15))
 
 
@@ -104,7 +104,7 @@ def pairs(index: Numbers, dy: int, dx: int) -> tuple[Numbers, Numbers]:
 
 
 def route_of(before: Numbers, start: int, goal: int) -> list[int]:
-    """The places from `start` to `goal`, of which `before` tells each one's predecessor."""
+    """The places from `start` to `goal`; `before` is the predecessor of each place."""
     route = [goal]
     while route[-1] != start:
         route.append(int(before[route[-1]]))
@@ -112,7 +112,7 @@ def route_of(before: Numbers, start: int, goal: int) -> list[int]:
 
 
 def largest_part(mask: Mask) -> Mask:
-    """The part with most cells of those that hang together, corners included."""
+    """The largest 8-connected component of a mask."""
     import cv2
 
     _, label, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=8)

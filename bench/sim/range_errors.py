@@ -1,4 +1,4 @@
-"""What a real scanner makes of true distances."""
+"""Range errors of a real scanner."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Errors:
-    """What a scanner does to true distances.
+    """Errors of ranges.
 
     `noise` [m] + `noise_share` * range is the standard deviation; `step` [m] the rounding, 0 for
-    none. `dropout` is the share of beams lost, every other of them reported as "nothing there"
-    (inf), the rest as invalid (nan).
+    none. `dropout` is the share of lost beams; half of them are "no return" (inf), half invalid
+    (nan).
     """
 
     noise: float
@@ -28,7 +28,7 @@ class Errors:
     dropout: float = 0.0
 
     def apply(self, distances: Floats, rng: Generator) -> Floats:
-        """Ranges (n, b) as measured, from true distances (n, b) [m], inf = nothing."""
+        """Measured ranges (n, b) from true distances (n, b) [m]; inf is no return."""
         ranges = distances.copy()
         if self.noise or self.noise_share:
             deviation = self.noise + self.noise_share * np.where(np.isinf(ranges), 0.0, ranges)

@@ -1,4 +1,4 @@
-"""Where the beams of a log's scans start and point to, in the world of its truth."""
+"""Rays of a log's beams in the world frame, and their end points."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from slams.types import Floats, Laser
 if TYPE_CHECKING:
     from slams.scanlog import ScanLog
 
+SCANS_PER_BLOCK = 200  # processed at once, to limit the memory
+
 
 def true_poses(log: ScanLog, t: Floats) -> Floats:
-    """Of the base (n, 3) at the stamps, or of each beam (n, b, 3) where they follow one another."""
+    """True base poses (n, 3) at the stamps, or (n, b, 3) for the beams of a turning laser."""
     assert log.truth is not None
     if not log.laser.time_increment:
         return log.truth.poses_at(t)
@@ -23,7 +25,7 @@ def true_poses(log: ScanLog, t: Floats) -> Floats:
 
 
 def rays_of(laser: Laser, poses: Floats) -> Floats:
-    """Start and direction of every beam (n, b, 3) in the world."""
+    """Start and direction of every beam (n, b, 3) in the world frame."""
     bases = poses[:, None] if poses.ndim == 2 else poses
     c, s = np.cos(bases[..., 2]), np.sin(bases[..., 2])
     rays = np.empty((len(poses), laser.n_beams, 3))
@@ -34,7 +36,7 @@ def rays_of(laser: Laser, poses: Floats) -> Floats:
 
 
 def ends_of(rays: Floats, ranges: NDArray[np.floating]) -> Floats:
-    """Where ranges (...) [m] along rays (..., 3) end (..., 2)."""
+    """End points (..., 2) [m] of ranges (...) [m] along rays (..., 3)."""
     x = rays[..., 0] + ranges * np.cos(rays[..., 2])
     y = rays[..., 1] + ranges * np.sin(rays[..., 2])
     return np.stack([x, y], axis=-1)

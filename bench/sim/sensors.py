@@ -32,14 +32,14 @@ class Sensor:
     source: str
 
     def half(self) -> Sensor:
-        """A scanner of the same kind that sees the 180 degrees before it."""
+        """A scanner of the same kind with a field of view of 180 degrees."""
         n = min(self.n_beams, round(math.pi / abs(self.angle_increment)) + 1)
         step = abs(self.angle_increment)
         first, share = -0.5 * (n - 1) * step, self.sweep * n / self.n_beams
         return replace(self, n_beams=n, angle_min=first, angle_increment=step, sweep=share)
 
     def laser(self, moving: bool = False) -> Laser:
-        """The fan's geometry; `moving` beams follow one another in time."""
+        """The fan's geometry; `moving` beams are measured one after the other."""
         from slams.types import Laser
 
         return Laser(
@@ -55,7 +55,7 @@ class Sensor:
 def _turning(
     name: str, rate: float, limits: tuple[float, float], share: float, source: str
 ) -> Sensor:
-    """A scanner that turns all round in steps of one degree."""
+    """A scanner with a full turn in steps of one degree."""
     step = math.radians(1.0)
     return Sensor(name, 360, -math.pi, step, rate, *limits, 0.0, share, 0.001, 1.0, source)
 

@@ -1,4 +1,4 @@
-"""Setting: everything a simulated log follows from. Light: `--help` reads it."""
+"""Setting of a simulation. Imports stay fast for --help."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from slams.params import nearest
 
 T = TypeVar("T")
 
-FINE = 400.0  # Hz, least rate of the true motion that all else is taken from
-CELL = 0.02  # m, of the arenas made from a seed
+MOTION_RATE = 400.0  # Hz, minimum rate of the true motion
+ARENA_CELL_SIZE = 0.02  # m, of the arenas made from a seed
 
 
 @dataclass(frozen=True)
 class Arena:
-    """What is known of an arena before it is made.
+    """Description of an arena.
 
-    Its usual, least and greatest `size` [m]; in one with `laps` the robot goes on and on around.
+    Default, least and greatest `size` [m]; with `laps` the robot drives around it without turning.
     """
 
     meaning: str
@@ -38,15 +38,15 @@ ARENAS = {
     "hall": Arena("with racks and clutter", 30.0, 15.0, 100.0),
     "ring": Arena("a bare corridor", 30.0, 12.0, 300.0, laps=True),
 }
-KINDS = ", ".join(f"{name} ({known.meaning})" for name, known in ARENAS.items())
-SIZES = ", ".join(f"{name} {known.size:g}" for name, known in ARENAS.items())
+ARENA_WORDS = ", ".join(f"{name} ({known.meaning})" for name, known in ARENAS.items())
+ARENA_SIZE_WORDS = ", ".join(f"{name} {known.size:g}" for name, known in ARENAS.items())
 
 
 def look_up(kind: str, name: str, known: Mapping[str, T]) -> T:
-    """What has a name among the known ones of its kind.
+    """The entry of a name.
 
     Raises:
-        LookupError: there is none; the nearest name is given.
+        LookupError: no such name; the message has the nearest one.
     """
     if name in known:
         return known[name]
@@ -62,23 +62,24 @@ def _option(default: Any, meaning: str, low: float = -math.inf, high: float = ma
 
 @dataclass(frozen=True)
 class Setting:
-    """Everything a simulated log follows from; same setting, same log. Fields tell their meaning.
+    """All inputs of a simulation; the same setting gives the same log. See the fields' meanings.
 
     Raises:
         ValueError: a value out of bounds.
     """
 
     arena: str = _option(
-        "rescue", f"arena, made from the seed: {KINDS}; or MAP.yaml, or a picture (dark = wall)"
+        "rescue",
+        f"arena, made from the seed: {ARENA_WORDS}; or MAP.yaml, or a picture (dark = wall)",
     )
     resolution: float | None = _option(
         None,
-        f"edge of a cell of the arena, or of a pixel of the picture [m] (default {CELL})",
+        f"size of a cell of the arena or of a pixel of the picture [m] (default {ARENA_CELL_SIZE})",
         1e-3,
         1.0,
     )
     size: float | None = _option(
-        None, f"longer side of an arena made from the seed [m] (default {SIZES})", 7, 320
+        None, f"longer side of an arena made from the seed [m] (default {ARENA_SIZE_WORDS})", 7, 320
     )
     seed: int = _option(0, "seed of every random draw", 0, 2**63 - 1)
     sensor: str = _option("utm30lx", f"laser, one of {', '.join(SENSORS)}")
@@ -135,6 +136,6 @@ class Setting:
 
 
 def kinds() -> dict[str, type]:
-    """The type of each field of `Setting`, of one that may be None the other."""
+    """The type of each field of `Setting`, without None."""
     hints = typing.get_type_hints(Setting)
     return {name: next(iter(typing.get_args(hint)), hint) for name, hint in hints.items()}

@@ -1,4 +1,4 @@
-"""Simulation: arena, drive and sensor make a scan log with its truth."""
+"""Simulation of a scan log with ground truth, from arena, drive and sensor."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bench.sim.drive import Drive, Robot, drive, drive_far
 from bench.sim.measuring import Measuring
 from bench.sim.ramps import Ramps
 from bench.sim.sensors import SENSORS, Sensor
-from bench.sim.setting import ARENAS, CELL, FINE, Setting, kinds, look_up
+from bench.sim.setting import ARENA_CELL_SIZE, ARENAS, MOTION_RATE, Setting, kinds, look_up
 from bench.sim.swing import Swing, measured
 from bench.sim.wheels import gyro, odometry
 from bench.sim.world import World, read_world
@@ -25,27 +25,28 @@ from slams.types import Floats, Pose2, wrap_angle
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-TRUTH = 200.0  # Hz, least rate of the logged truth
-ODOMETRY = 50.0  # Hz
-GYRO = 100.0  # Hz
-OFFSET = 0.2  # m, of each of two lasers from the base
-STREAMS = ("arena", "drive", "ranges", "odometry", "gyro", "people", "tilt")
+TRUTH_RATE = 200.0  # Hz, minimum rate of the logged ground truth
+ODOMETRY_RATE = 50.0  # Hz
+GYRO_RATE = 100.0  # Hz
+LASER_OFFSET = 0.2  # m, of each of two lasers from the base
+RANDOM_STREAMS = ("arena", "drive", "ranges", "odometry", "gyro", "people", "tilt")
 
 
 def _chances(seed: int) -> dict[str, Generator]:
-    """One stream of random numbers per purpose: a change in one leaves the others alone."""
-    return dict(zip(STREAMS, np.random.default_rng(seed).spawn(len(STREAMS)), strict=True))
+    """A random generator for each purpose, so that a change in one does not affect the others."""
+    streams = np.random.default_rng(seed).spawn(len(RANDOM_STREAMS))
+    return dict(zip(RANDOM_STREAMS, streams, strict=True))
 
 
 def simulate(setting: Setting | None = None, quiet: bool = True) -> ScanLog:
-    """The scan log of a setting; without one, of the default: rescue maze, UTM-30LX, 300 s.
+    """The scan log of a setting; the default is the rescue maze, UTM-30LX, 300 s.
 
-    Poses of the truth are in the world's frame. Unless `quiet` a terminal shows the progress.
+    True poses are in the world frame. Unless `quiet`, a terminal shows the progress.
 
     Raises:
         LookupError: no such sensor.
         OSError: the map cannot be opened.
-        ValueError: the map is none, or has no room to drive.
+        ValueError: the file is not a map, or has no room to drive.
     """
     setting = setting or Setting()
     sensor, chance = look_up("sensor", setting.sensor, SENSORS), _chances(setting.seed)
@@ -53,8 +54,8 @@ def simulate(setting: Setting | None = None, quiet: bool = True) -> ScanLog:
     body = _body(setting, chance["tilt"])
     true = _drive(setting, sensor, world, chance["drive"])
     t = np.arange(max(1, math.floor(true.t[-1] * sensor.rate + 1e-6))) / sensor.rate
-    # a multiple of the scans', so that each has a truth of its own
-    truth_rate = sensor.rate * math.ceil(max(5.0, TRUTH / sensor.rate) - 1e-9)
+    # a multiple of the scan rate, so that each scan has a true pose
+    truth_rate = sensor.rate * math.ceil(max(5.0, TRUTH_RATE / sensor.rate) - 1e-9)
     measuring = Measuring(setting, sensor, world, true, chance, body)
     if setting.lasers > 1:
         scans = _front_and_rear(setting, measuring, t, quiet)
@@ -62,34 +63,34 @@ def simulate(setting: Setting | None = None, quiet: bool = True) -> ScanLog:
         scans = {"t": t, "ranges": measuring.scans(t, quiet), "laser": measuring.laser}
     return ScanLog(
         **scans,
-        odom=_track(true, ODOMETRY, lambda stamps: odometry(true, stamps, chance["odometry"])),
+        odom=_track(true, ODOMETRY_RATE, lambda stamps: odometry(true, stamps, chance["odometry"])),
         truth=_track(true, truth_rate, lambda stamps: _truth(true, stamps)),
-        yaw_rate=_track(true, GYRO, lambda stamps: gyro(true, stamps, chance["gyro"])),
+        yaw_rate=_track(true, GYRO_RATE, lambda stamps: gyro(true, stamps, chance["gyro"])),
         meta=_meta(setting, world),
         attitude=None if body is None else _attitudes(true, body, chance["tilt"]),
     )
 
 
 def _body(setting: Setting, rng: Generator) -> Swing | Ramps | None:
-    """What tilts the robot, if anything does."""
+    """The motion that tilts the robot, if any."""
     if setting.ramps:
         return Ramps(setting.ramps, rng)
     return Swing(setting.tilt, rng) if setting.tilt else None
 
 
 def _attitudes(true: Drive, body: Swing | Ramps, rng: Generator) -> TimeSeries:
-    """Roll and pitch as they are measured."""
-    return _track(true, GYRO, lambda t: measured(body.stand(t, true.poses_at(t))[0], t, rng))
+    """Measured roll and pitch."""
+    return _track(true, GYRO_RATE, lambda t: measured(body.stand(t, true.poses_at(t))[0], t, rng))
 
 
 def _front_and_rear(
     setting: Setting, measuring: Measuring, t: Floats, quiet: bool
 ) -> dict[str, Any]:
-    """Scans of two lasers that face away from each other, half a period apart, by stamps."""
+    """Scans of a front and a rear laser, half a period apart, ordered by stamps."""
     half = measuring.sensor.half().laser(setting.sweep)
     front, rear = (
         dataclasses.replace(half, mount=mount, mount_z=measuring.laser.mount_z)
-        for mount in (Pose2(OFFSET, 0.0, 0.0), Pose2(-OFFSET, 0.0, math.pi))
+        for mount in (Pose2(LASER_OFFSET, 0.0, 0.0), Pose2(-LASER_OFFSET, 0.0, math.pi))
     )
     stamps = np.concatenate([t, t + 0.5 / measuring.sensor.rate])
     rows = []
@@ -108,9 +109,9 @@ def _front_and_rear(
 
 
 def world_of(log: ScanLog) -> World | None:
-    """The world a log was simulated in, exactly, in the frame of the log's truth.
+    """The world of a simulated log, in the frame of its ground truth.
 
-    None when the log was not simulated, or its map is gone or has changed since.
+    None if the log was not simulated, or its map is missing or has changed.
     """
     try:
         known = dict(log.meta["simulated"])
@@ -126,10 +127,10 @@ def build_arena(
 ) -> World:
     """The arena of that name with its longer side of about `size` [m] and cells of `resolution`.
 
-    Same generator state, same arena. Without them cells of `CELL` and the usual size.
+    The same generator state gives the same arena. Defaults: `ARENA_CELL_SIZE`, the arena's size.
 
     Raises:
-        ValueError: cells too coarse for its walls, or a size it cannot have.
+        ValueError: the cells are too coarse for its walls, or the size is out of bounds.
     """
     from bench.sim.hall import hall
     from bench.sim.maze import rescue_arena
@@ -143,7 +144,7 @@ def build_arena(
         raise ValueError(
             f"size: got {size:g} m, expected {known.least:g} to {known.most:g} for the {name} arena"
         )
-    return builders[name](rng, resolution or CELL, size)
+    return builders[name](rng, resolution or ARENA_CELL_SIZE, size)
 
 
 def _world(setting: Setting, rng: Generator) -> World:
@@ -153,11 +154,11 @@ def _world(setting: Setting, rng: Generator) -> World:
 
 
 def _drive(setting: Setting, sensor: Sensor, world: World, rng: Generator) -> Drive:
-    """The true motion; its samples fall on every scan's stamp."""
+    """The true motion, with a sample at every scan's stamp."""
     known = ARENAS.get(setting.arena)
     laps = known is not None and known.laps
     robot = Robot(setting.v, setting.w, setting.clearance, laps=laps)
-    rate = sensor.rate * math.ceil(FINE / sensor.rate)
+    rate = sensor.rate * math.ceil(MOTION_RATE / sensor.rate)
     if setting.length is not None:
         return drive_far(world, robot, rng, setting.length, rate)
     seconds = max(setting.duration, 1.0 / sensor.rate)
@@ -165,7 +166,7 @@ def _drive(setting: Setting, sensor: Sensor, world: World, rng: Generator) -> Dr
 
 
 def _track(true: Drive, rate: float, values: Callable[[Floats], Floats]) -> TimeSeries:
-    """A signal at an even rate over the whole drive, both ends included."""
+    """A signal at a constant rate over the whole drive, with both ends."""
     stamps = np.arange(math.ceil(true.t[-1] * rate - 1e-6)) / rate
     stamps = np.append(stamps, true.t[-1])
     return TimeSeries(stamps, values(stamps))
@@ -178,7 +179,7 @@ def _truth(true: Drive, stamps: Floats) -> Floats:
 
 
 def _meta(setting: Setting, world: World) -> dict[str, Any]:
-    """All that is needed to make the log and its world again."""
+    """The setting and the world's fingerprint, to reproduce the log and its world."""
     known = dataclasses.asdict(setting)
     if setting.arena not in ARENAS:
         known["arena"] = str(Path(setting.arena).resolve())
@@ -188,8 +189,8 @@ def _meta(setting: Setting, world: World) -> dict[str, Any]:
     return {"name": name, "simulated": known | {"world": world.fingerprint}}
 
 
-def picture(world: World, way: NDArray[np.float64], title: str, path: Path) -> None:
-    """Draw a world and a way (n, 2) [m] through it into an image file."""
+def picture(world: World, points: NDArray[np.float64], title: str, path: Path) -> None:
+    """Draw a world and a path of points (n, 2) [m] into an image file."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -197,9 +198,9 @@ def picture(world: World, way: NDArray[np.float64], title: str, path: Path) -> N
     figure = Figure(figsize=(8, 8), layout="constrained")
     axes = figure.add_subplot()
     axes.imshow(shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=world.extent)
-    axes.plot(way[:, 0], way[:, 1], color="tab:red", linewidth=1.0)
-    axes.plot(*way[0], "o", color="tab:green", label="start")
-    axes.plot(*way[-1], "s", color="tab:blue", label="end")
+    axes.plot(points[:, 0], points[:, 1], color="tab:red", linewidth=1.0)
+    axes.plot(*points[0], "o", color="tab:green", label="start")
+    axes.plot(*points[-1], "s", color="tab:blue", label="end")
     axes.set(title=title, xlabel="x [m]", ylabel="y [m]", aspect="equal")
     axes.legend(loc="lower right")
     FigureCanvasAgg(figure).print_figure(path, dpi=100)

@@ -1,4 +1,4 @@
-"""What wheels and gyro make of a true motion; a filter's bound knows the same figures."""
+"""Simulated odometry and gyro."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 
 class WheelErrors(NamedTuple):
-    """Standard deviations of what a skid-steer robot's wheels get wrong.
+    """Standard deviations of the odometry errors of a skid-steer robot.
 
-    For the whole drive: `scale` of the way, `turning` of the turn, `straight` [rad/m]; `floor`
-    adds to `turning` and changes with a memory of `floor_memory` [s]. Slip grows with the root of
-    the way [m] or turn [rad]: of the way ahead [m], of the turn [rad]. The two slips by turn are
-    one and the same, so many parts of each.
+    Constant for a drive: `scale` of distances, `turning` of rotations, `straight` [rad/m] of the
+    heading. `floor` adds to `turning`, with the correlation time `floor_memory` [s]. Slip grows
+    with the root of the distance [m] or rotation [rad]: `ahead_by_*` [m], `turn_by_*` [rad]. The
+    two slips by rotation are fully correlated.
     """
 
     scale: float
@@ -36,10 +36,10 @@ class WheelErrors(NamedTuple):
 
 
 class GyroErrors(NamedTuple):
-    """Standard deviations of what a gyro gets wrong.
+    """Standard deviations of the errors of a gyro.
 
-    White `noise` [rad/s] of a sample (vibration included), a rest of `bias` [rad/s] that does a
-    `walk` [rad/s per root second], and `scale` of the rate.
+    White `noise` [rad/s] of a sample (with vibration), residual `bias` [rad/s], its random `walk`
+    [rad/s per root second], and `scale` of the rate.
     """
 
     noise: float
@@ -48,50 +48,51 @@ class GyroErrors(NamedTuple):
     scale: float
 
 
-ORIGIN: Floats = np.zeros(3)
-WHEELS = WheelErrors(0.01, 0.03, 0.01, 0.03, 20.0, 0.003, 0.002, 0.01, 0.004)
-GYRO = GyroErrors(0.004, 0.002, 1e-4, 0.003)
+START_POSE: Floats = np.zeros(3)
+RESCUE_ROBOT_WHEELS = WheelErrors(0.01, 0.03, 0.01, 0.03, 20.0, 0.003, 0.002, 0.01, 0.004)
+MEMS_GYRO = GyroErrors(0.004, 0.002, 1e-4, 0.003)
 
 
 def odometry(true: Drive, t: Floats, rng: Generator) -> Floats:
-    """Poses (m, 3) at stamps t (m,) [s] as the wheels of a skid-steer robot count them."""
-    return counted(true.poses_at(t), t, rng, WHEELS)
+    """Odometry poses (m, 3) of a skid-steer robot at stamps t (m,) [s]."""
+    return counted(true.poses_at(t), t, rng, RESCUE_ROBOT_WHEELS)
 
 
 def counted(poses: Floats, t: Floats, rng: Generator, wheels: WheelErrors) -> Floats:
-    """Poses (m, 3) at stamps t (m,) [s] as wheels count them.
+    """Odometry poses (m, 3) at stamps t (m,) [s], from true poses (m, 3).
 
-    Scale, turning and straightness are a little wrong for the whole drive, turning changes with
-    the floor besides, and every metre and radian adds slip. `WHEELS` are as wrong as a tracked
-    rescue robot's: about 1 % of the way and 5 % of the turns.
+    Scale, turning and heading drift are constant errors of a drive, turning also varies with the
+    floor, and every meter and radian adds slip. `RESCUE_ROBOT_WHEELS` has the errors
+    of a tracked rescue robot: about 1 % of distances and 5 % of rotations.
     """
-    ahead, aside, turn = steps(poses)
-    way, turned, n = np.hypot(ahead, aside), np.abs(turn), len(turn)
+    longitudinal, lateral, rotation = steps(poses)
+    distance, angle, n = np.hypot(longitudinal, lateral), np.abs(rotation), len(rotation)
     scale, turning, straight = rng.normal(0.0, (wheels.scale, wheels.turning, wheels.straight))
     floor = wander(np.diff(t), wheels.floor, wheels.floor_memory, rng)
-    slip = rng.standard_normal((3, n)) * np.sqrt([way, turned, way])
-    d_ahead = (1.0 + scale) * ahead + wheels.ahead_by_way * slip[0] + wheels.ahead_by_turn * slip[1]
-    d_turn = (1.0 + turning + floor) * turn + straight * way
-    d_turn = d_turn + wheels.turn_by_turn * slip[1] + wheels.turn_by_way * slip[2]
-    return integrate(d_ahead, aside, d_turn)
+    slip = rng.standard_normal((3, n)) * np.sqrt([distance, angle, distance])
+    forward = (1.0 + scale) * longitudinal + wheels.ahead_by_way * slip[0]
+    forward = forward + wheels.ahead_by_turn * slip[1]
+    turn = (1.0 + turning + floor) * rotation + straight * distance
+    turn = turn + wheels.turn_by_turn * slip[1] + wheels.turn_by_way * slip[2]
+    return integrate(forward, lateral, turn)
 
 
 def steps(poses: Floats) -> tuple[Floats, Floats, Floats]:
-    """Motion from pose to pose (n + 1, 3), seen from the heading half way: ahead, aside, turn."""
-    (dx, dy, turn), theta = np.diff(poses, axis=0).T, poses[:-1, 2]
-    turn = wrap_angle(turn)
-    c, s = np.cos(theta + 0.5 * turn), np.sin(theta + 0.5 * turn)
-    return c * dx + s * dy, c * dy - s * dx, turn
+    """Midpoint increments of poses (n + 1, 3): longitudinal, lateral [m], rotation [rad]."""
+    (dx, dy, rotation), theta = np.diff(poses, axis=0).T, poses[:-1, 2]
+    rotation = wrap_angle(rotation)
+    c, s = np.cos(theta + 0.5 * rotation), np.sin(theta + 0.5 * rotation)
+    return c * dx + s * dy, c * dy - s * dx, rotation
 
 
-def integrate(ahead: Floats, aside: Floats, turn: Floats, start: Floats = ORIGIN) -> Floats:
+def integrate(
+    longitudinal: Floats, lateral: Floats, rotation: Floats, start: Floats = START_POSE
+) -> Floats:
     """Poses (n + 1, 3) from the pose `start` on; the inverse of `steps`."""
-    theta = np.cumsum(np.concatenate([start[2:], turn]))
-    half = theta[:-1] + 0.5 * turn
-    dx, dy = (
-        np.cos(half) * ahead - np.sin(half) * aside,
-        np.sin(half) * ahead + np.cos(half) * aside,
-    )
+    theta = np.cumsum(np.concatenate([start[2:], rotation]))
+    half = theta[:-1] + 0.5 * rotation
+    dx = np.cos(half) * longitudinal - np.sin(half) * lateral
+    dy = np.sin(half) * longitudinal + np.cos(half) * lateral
     places = np.cumsum(np.vstack([start[:2], np.stack([dx, dy], axis=1)]), axis=0)
     poses: Floats = np.column_stack([places, theta])
     poses[:, 2] = wrap_angle(poses[:, 2])
@@ -99,7 +100,7 @@ def integrate(ahead: Floats, aside: Floats, turn: Floats, start: Floats = ORIGIN
 
 
 def wander(dt: Floats, deviation: float, memory: float, rng: Generator) -> Floats:
-    """A value (n,) that drifts around 0 with a standard deviation and a memory [s]."""
+    """A first-order Gauss-Markov process (n,) with deviation and correlation time `memory` [s]."""
     keep = math.exp(-float(dt.mean()) / memory)
     wander = rng.normal(0.0, deviation * math.sqrt(1.0 - keep * keep), len(dt))
     wander[:1] = rng.normal(0.0, deviation)
@@ -109,9 +110,9 @@ def wander(dt: Floats, deviation: float, memory: float, rng: Generator) -> Float
 
 
 def gyro(true: Drive, t: Floats, rng: Generator) -> Floats:
-    """Yaw rates (m,) [rad/s] at stamps t (m,) as a calibrated MEMS gyro gives them."""
+    """Yaw rates (m,) [rad/s] of a calibrated MEMS gyro at stamps t (m,)."""
     rate = np.interp(t, true.t, true.rates[:, 1])
-    bias, scale = rng.normal(0.0, (GYRO.bias, GYRO.scale))
-    walk = np.cumsum(rng.normal(0.0, GYRO.walk, len(t)) * np.sqrt(np.diff(t, prepend=t[0])))
-    rates: Floats = (1.0 + scale) * rate + bias + walk + rng.normal(0.0, GYRO.noise, len(t))
+    bias, scale = rng.normal(0.0, (MEMS_GYRO.bias, MEMS_GYRO.scale))
+    walk = np.cumsum(rng.normal(0.0, MEMS_GYRO.walk, len(t)) * np.sqrt(np.diff(t, prepend=t[0])))
+    rates: Floats = (1.0 + scale) * rate + bias + walk + rng.normal(0.0, MEMS_GYRO.noise, len(t))
     return rates

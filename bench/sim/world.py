@@ -1,7 +1,7 @@
-"""The true world: squares of a grid that are occupied, from a map, a picture or the arena builder.
+"""The true world: occupied squares of a grid, from a map, a picture or an arena.
 
-A world's geometry is exactly the squares of its occupied cells, so the same object serves as the
-place to drive in, as the true map for map quality, and for the bound of localisation.
+The geometry is exactly the squares of occupied cells, so it serves both as the world to drive in
+and as the true map.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ Mask = NDArray[np.bool_]
 class World:
     """Cells (ny, nx) [iy, ix], row 0 lowest y: `occupied` stop a ray, `unknown` let it pass.
 
-    `resolution` [m] is the edge of a cell, `origin` (x, y) [m] the outer corner of cell [0, 0]. A
-    robot drives on what is neither occupied nor unknown. Beyond the edge there is nothing.
+    `resolution` [m] is the size of a cell, `origin` (x, y) [m] the outer corner of cell [0, 0]. A
+    robot drives on cells that are neither occupied nor unknown. Beyond the edge nothing is hit.
     """
 
     occupied: Mask
@@ -56,7 +56,7 @@ class World:
         """From each cell's center to the nearest center (ny, nx) [m] of a cell that is not free."""
         import cv2
 
-        walled = np.pad(self.free, 1).astype(np.uint8)  # beyond the edge is no way either
+        walled = np.pad(self.free, 1).astype(np.uint8)  # the robot cannot leave the map
         cells = cv2.distanceTransform(walled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
         metres: NDArray[np.float32] = cells[1:-1, 1:-1] * np.float32(self.resolution)
         return metres
@@ -65,7 +65,7 @@ class World:
     def gap(self) -> NDArray[np.uint8]:
         """Chebyshev distance (ny, nx) [cell] to the nearest occupied cell, 0 inside, at most 255.
 
-        In one byte a large map stays in the cache, and 255 cells are far enough for one step.
+        One byte keeps large maps in the cache, and 255 cells suffice for one step.
         """
         import cv2
 
@@ -84,7 +84,7 @@ class World:
         return digest.hexdigest()[:32]
 
     def cast(self, rays: Floats) -> Floats:
-        """Exact distance (m,) [m] along each ray (m, 3) x, y, direction; inf = hits nothing."""
+        """Exact distance (m,) [m] along each ray (m, 3) x, y, direction; inf is no hit."""
         from bench.sim.world_kernels import cast_rays
 
         distances = np.empty(len(rays))
@@ -107,11 +107,11 @@ class World:
 def read_world(path: str | Path, resolution: float | None = None) -> World:
     """A world from a map_server yaml, or from a picture (dark = wall) with its resolution [m].
 
-    A resolution given with a yaml takes the place of the map's own.
+    A given resolution replaces that of a yaml.
 
     Raises:
         OSError: a file cannot be opened.
-        ValueError: it is not a map, or its scale is not known; the sentence says why.
+        ValueError: the file is not a map, or its scale is unknown.
     """
     path = Path(path)
     if not path.is_file():
@@ -128,5 +128,5 @@ def read_world(path: str | Path, resolution: float | None = None) -> World:
 
 
 def _world(p: NDArray[np.float32], resolution: float, origin: tuple[float, float]) -> World:
-    """Walls where the probability is above one half; what is not known lets rays pass."""
+    """Walls have a probability above one half; unknown cells let rays pass."""
     return World(p > 0.5, np.isnan(p), resolution, origin)

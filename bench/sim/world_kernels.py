@@ -13,23 +13,23 @@ from slams.types import Floats
 Cells = NDArray[np.uint8]
 Ticks = NDArray[np.int32]
 
-STEP, HALVINGS = 0.1, 7  # m over ground in which a ray is tried, and how often the last is halved
+FLOOR_RAY_STEP, N_FLOOR_RAY_HALVINGS = 0.1, 7  # m, horizontal; bisections of the last step
 
 
 @njit
 def _cast(gap: Cells, x: float, y: float, dx: float, dy: float) -> float:
     """Distance [cells] from (x, y) along the unit vector (dx, dy) to the first occupied square.
 
-    ours: the walk of Amanatides and Woo (1987) from border to border, but over the largest empty
-    square around a cell at once, which `gap` (ny, nx) tells; inf when the ray leaves the map. Every
-    border is computed from its index, so nothing adds up, and the cell index across the step stays
-    inside the empty square, so rounding never lets a ray slip past a corner.
+    ours: the traversal of Amanatides and Woo (1987), but across the largest empty square around a
+    cell at once, by `gap` (ny, nx); inf when the ray leaves the map. Borders are computed from
+    their index, so rounding errors do not accumulate, and the other cell index stays inside the
+    empty square, so a ray cannot pass a corner by rounding.
     """
     ny, nx = gap.shape
     ix, iy = math.floor(x), math.floor(y)
     t = 0.0
     while 0 <= ix < nx and 0 <= iy < ny:
-        reach = int(np.int64(gap[iy, ix]))  # signed, as it is taken away, too
+        reach = int(np.int64(gap[iy, ix]))  # signed, for the subtractions
         if reach == 0:
             return t
         tx = ty = math.inf
@@ -57,7 +57,7 @@ def cast_rays(gap: Cells, resolution: float, origin: Floats, rays: Floats, out: 
     """Distance out (m,) [m] along each ray (m, 3) x, y, direction to the first occupied square.
 
     ours: exact up to rounding. `gap` (ny, nx): Chebyshev distance in cells to the nearest
-    occupied cell, 0 inside one; less is right, too, but slower.
+    occupied cell, 0 inside one; smaller values are also valid, but slower.
     """
     scale = 1.0 / resolution
     for i in range(len(rays)):
@@ -68,10 +68,10 @@ def cast_rays(gap: Cells, resolution: float, origin: Floats, rays: Floats, out: 
 
 @njit
 def occlude(rays: Floats, tick: Ticks, discs: Floats, radius: float, out: Floats) -> None:
-    """Shorten out (m,) [m] where a ray (m, 3) meets a disc before.
+    """Shorten out (m,) [m] where a ray (m, 3) meets a disc first.
 
-    ours: line and circle. Disc k stands at discs[tick[i], k] while ray i is measured; a disc around
-    the ray's own start is not seen.
+    ours: intersection of line and circle. Disc k is at discs[tick[i], k] while ray i is measured.
+    A disc around the start of the ray is ignored.
     """
     for i in range(len(rays)):
         c, s = math.cos(rays[i, 2]), math.sin(rays[i, 2])
@@ -89,7 +89,7 @@ def occlude(rays: Floats, tick: Ticks, discs: Floats, radius: float, out: Floats
 def floor_at(x: float, y: float, ramps: Floats) -> float:
     """Height [m] of a floor of ramps. ours: two crossing triangle waves.
 
-    `ramps` (4,): slope, length [m] over ground from a valley to a ridge, two phases.
+    `ramps` (4,): slope, horizontal length [m] from a valley to a ridge, two phases.
     """
     u = (x / ramps[1] + ramps[2]) % 2.0 - 1.0
     v = (y / ramps[1] + ramps[3]) % 2.0 - 1.0
@@ -106,7 +106,7 @@ def floor_heights(points: Floats, ramps: Floats, out: Floats) -> None:
 
 @njit(inner=True)
 def clears(ray: Floats, t: float, height: float, ramps: Floats) -> bool:
-    """Whether a ray (3,) is above the floor at `t` [m] over ground, `height` [m] high. ours."""
+    """Whether a ray (3,) at `height` [m] is above the floor after `t` [m], horizontal. ours."""
     x, y = ray[0] + t * math.cos(ray[2]), ray[1] + t * math.sin(ray[2])
     return height >= floor_at(x, y, ramps)
 
@@ -115,17 +115,17 @@ def clears(ray: Floats, t: float, height: float, ramps: Floats) -> bool:
 def meet_floor(
     rays: Floats, far: Floats, rise: Floats, height: Floats, ramps: Floats, out: Floats
 ) -> None:
-    """Distance out (m,) [m] over ground at which rays (m, 3) meet a floor of ramps; inf: none.
+    """Horizontal distance out (m,) [m] at which rays (m, 3) meet a floor of ramps, else inf.
 
-    ours: fixed steps, then halving. A ray starts at `height` (m,) [m], rises by `rise` (m,) for
-    each meter and is followed up to `far` (m,) [m]; `ramps` (4,) as of `floor_at`.
+    ours: fixed steps, then bisection. A ray starts at `height` (m,) [m], rises by `rise` (m,) for
+    each meter and ends at `far` (m,) [m]; `ramps` (4,) as in `floor_at`.
     """
     for i in range(len(rays)):
-        low, high, out[i] = 0.0, STEP, math.inf
+        low, high, out[i] = 0.0, FLOOR_RAY_STEP, math.inf
         while low < far[i] and clears(rays[i], high, height[i] + high * rise[i], ramps):
-            low, high = high, high + STEP
+            low, high = high, high + FLOOR_RAY_STEP
         if low < far[i]:
-            for _ in range(HALVINGS):
+            for _ in range(N_FLOOR_RAY_HALVINGS):
                 middle = 0.5 * (low + high)
                 if clears(rays[i], middle, height[i] + middle * rise[i], ramps):
                     low = middle

@@ -9,7 +9,7 @@ from bench.judge.answers import SITUATIONS, analysis, questions
 from bench.judge.statistics import wilson
 from bench.report import sweep_figure, sweep_tables
 from bench.sim.degrade import CATALOG
-from bench.sweep import DEGRADATIONS
+from bench.sweep import DEFAULT_DEGRADATIONS
 from tests.bench.test_sweep import lost, sweep_of, trial
 
 LEVELS = (0.05, 0.1, 0.2)
@@ -88,7 +88,7 @@ def test_figures_of_a_row_count_levels_clean_logs_and_what_was_reported():
     assert (found.second_m, found.clean_m) == pytest.approx((0.003, 0.002))
     assert str(found.worse_than_wheels) == "2 of 3"
     assert str(found.right_again) == "1 of 2"
-    assert str(found.said_in_time) == "1 of 2"
+    assert str(found.reported_in_time) == "1 of 2"
     assert found.false_share == pytest.approx(5 / 400)
     assert found.used == ["laser"]
     assert found.cpu_scan == pytest.approx(0.003)  # 0.1 to 0.5 s of 100 scans
@@ -103,13 +103,13 @@ TESTS = 2  # of each pair: survival and accuracy
 def test_every_degradation_tells_of_one_situation():
     named = [name for names in SITUATIONS.values() for name in names]
     assert sorted(named) == sorted(CATALOG)
-    assert set(DEGRADATIONS) <= set(CATALOG)
+    assert set(DEFAULT_DEGRADATIONS) <= set(CATALOG)
 
 
 def test_rows_compete_within_their_preset_unless_one_would_be_alone():
     rows = ["a", "b", "a@paper", "b@paper:x=1", "m:C"]
     assert list(questions(rows).values()) == [["a", "b", "m:C"], ["a@paper", "b@paper:x=1"]]
-    assert questions(["a", "b", "a@paper"]) == {answers.ALL: ["a", "b", "a@paper"]}
+    assert questions(["a", "b", "a@paper"]) == {answers.SINGLE_QUESTION: ["a", "b", "a@paper"]}
 
 
 def test_p_values_of_a_question_are_corrected_together():
@@ -176,11 +176,13 @@ def test_situations_are_answered_together_and_apart():
     levels = {"noise": list(LEVELS), "people": list(LEVELS)}
     found = analysis(sweep_of(trials, levels=levels))
     titles = [cell.title for cell in found.situations]
-    assert titles[0] == "A laser that sees little (noise)"
-    assert titles[1:] == ["People, glass, dust (people)", answers.EVERYTHING]
+    assert titles[0] == "A laser that measures little (noise)"
+    assert titles[1:] == ["People, glass, dust (people)", answers.ALL_DEGRADATIONS]
     (table,) = sweep_tables.choices(found)
     assert table.title.startswith("The programs to use")
-    assert table.frame.loc[answers.EVERYTHING, "laser alone"] == "**a** (lost less, p = 0.023)"
+    assert (
+        table.frame.loc[answers.ALL_DEGRADATIONS, "laser alone"] == "**a** (lost less, p = 0.023)"
+    )
 
 
 def shown(counts, levels=LEVELS, n=4):

@@ -180,17 +180,17 @@ def test_a_large_world_is_planned_by_looking_around_only(monkeypatch):
     searched = calls(monkeypatch, Regions, "_steps")
     large = Routes(world, 0.4)
     assert large.large and large.part.sum() > 400_000
-    way = large.way(150.0, np.random.default_rng(0))
+    path = large.path(150.0, np.random.default_rng(0))
     assert len(large.places.points) < 8000 and len(searched) > 5
     assert np.median([len(nodes) for _, nodes in searched]) < 0.05 * large.part.sum()
-    assert world.clearance[world.cells_of(way)].min() > 0.3
-    np.testing.assert_array_equal(way, Routes(world, 0.4).way(150.0, np.random.default_rng(0)))
+    assert world.clearance[world.cells_of(path)].min() > 0.3
+    np.testing.assert_array_equal(path, Routes(world, 0.4).path(150.0, np.random.default_rng(0)))
 
 
-@pytest.mark.parametrize("many", [100, routes.MANY], ids=["over regions", "over nodes"])
+@pytest.mark.parametrize("many", [100, routes.MAX_NODES], ids=["over regions", "over nodes"])
 def test_a_drive_goes_about(many, monkeypatch):
     """Far, into most of the arena, and over places it has seen before."""
-    monkeypatch.setattr(routes, "MANY", many)
+    monkeypatch.setattr(routes, "MAX_NODES", many)
     world = arena("rescue", 1, 10.0)
     true = drive(world, Robot(), np.random.default_rng(0), 150.0, 40.0)
     assert around(world, true.poses[::20, :2]).min() >= 0.3

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.judge import loss
-from bench.judge.loss import LIMIT_M, LIMIT_RAD, alarms, beyond
+from bench.judge.loss import MAX_HEADING_ERROR, MAX_POSITION_ERROR, alarms, beyond
 from bench.judge.metrics import Common, RelationErrors
 from bench.run import timing
 from bench.run.cases import Choice, read_relations, replayed
@@ -23,7 +23,7 @@ def line(n, step=0.1):
 def test_a_run_that_leaves_the_limits_is_lost_and_may_come_back():
     truth = line(100)
     estimate = truth.copy()
-    estimate[40:60, 1] = LIMIT_M + 0.01
+    estimate[40:60, 1] = MAX_POSITION_ERROR + 0.01
     found = loss.by_truth(Common(5.0 + np.arange(100.0), estimate, truth, 0))
     assert found == {
         "lost": True,
@@ -31,12 +31,12 @@ def test_a_run_that_leaves_the_limits_is_lost_and_may_come_back():
         "after_m": pytest.approx(4.0),
         "completed": pytest.approx(0.8),
     }
-    estimate[40:60, 1] = LIMIT_M - 0.01
+    estimate[40:60, 1] = MAX_POSITION_ERROR - 0.01
     estimate[30, 2] = 2.0 * np.pi
     assert not loss.by_truth(Common(np.arange(100.0), estimate, truth, 0))["lost"]
-    estimate[80, :2] += 0.8 * LIMIT_M
+    estimate[80, :2] += 0.8 * MAX_POSITION_ERROR
     assert beyond(Common(np.arange(100.0), estimate, truth, 0)).nonzero()[0].tolist() == [80]
-    estimate[70:, 2] = LIMIT_RAD + 0.01 + 2.0 * np.pi
+    estimate[70:, 2] = MAX_HEADING_ERROR + 0.01 + 2.0 * np.pi
     assert loss.by_truth(Common(np.arange(100.0), estimate, truth, 0))["at_s"] == 70.0
 
 

@@ -62,9 +62,9 @@ def test_results_are_named_after_the_log_and_a_taken_name_gets_a_number(tmp_path
     def claimed(*logs, **more):
         return folder.claimed(**{"out": None, "logs": logs, "force": False} | more)
 
-    assert claimed() == folder.ROOT / "compare"
-    assert claimed("bags/drive.bag") == folder.ROOT / "compare-drive"
-    assert claimed("a.npz", "b.log.gz") == folder.ROOT / "compare-a-b"
+    assert claimed() == folder.RESULTS_FOLDER / "compare"
+    assert claimed("bags/drive.bag") == folder.RESULTS_FOLDER / "compare-drive"
+    assert claimed("a.npz", "b.log.gz") == folder.RESULTS_FOLDER / "compare-a-b"
     (tmp_path / "results" / "compare-drive").mkdir(parents=True)
     assert claimed("drive.bag").name == "compare-drive-2"
     (tmp_path / "results" / "compare-drive" / "results.json").touch()
@@ -77,7 +77,7 @@ def test_what_is_in_the_folder_asked_for_is_not_overwritten(tmp_path):
         place.mkdir()
         (place / name).touch()
     for force in (False, True):
-        with pytest.raises(FileExistsError, match="files that are no results"):
+        with pytest.raises(FileExistsError, match="files that are not results"):
             folder.claimed(str(theirs), [], force)
     with pytest.raises(FileExistsError, match="--force to replace"):
         folder.claimed(str(mine), [], False)

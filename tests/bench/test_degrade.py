@@ -90,7 +90,8 @@ def test_a_degraded_log_keeps_its_world():
     [
         (
             "noise=-1",
-            "noise: got -1, expected 0 to 10 m (standard deviation added to each reading), for"
+            "noise: got -1, expected 0 to 10 m (standard deviation of Gaussian noise added to each "
+            "reading), for"
             " instance 0.05, 0.1, 0.2",
         ),
         ("noise=much", "got much, expected 0 to 10 m"),
@@ -99,7 +100,7 @@ def test_a_degraded_log_keeps_its_world():
         ("beams=0", "beams: got 0, expected a whole number from 1 to 100000 (beams"),
         ("people=1.5", "people: got 1.5, expected a whole number from 0 to 50 (people who"),
         ("fov=-3", "fov: got -3, expected 1 to 360 deg (field of view"),
-        ("clean=1", "clean: got 1, expected 0 (the log as it is)"),
+        ("clean=1", "clean: got 1, expected 0 (the log without degradation)"),
         ("speed=0", "speed: got 0, expected 1 to 100 x"),
     ],
 )
@@ -123,7 +124,7 @@ def test_a_log_that_has_nothing_to_spoil_is_refused():
             degrade(given, name, hard(name), 0)
     with pytest.raises(ValueError, match="seed: got -1"):
         degrade(log, "noise", 0.1, -1)
-    with pytest.raises(ValueError, match=r"range: got 0\.1 m, expected more than the 0\.1 m"):
+    with pytest.raises(ValueError, match=r"range: got 0\.1 m, .* minimum range of 0\.1 m"):
         degrade(log, "range", 0.1, 0)
 
 

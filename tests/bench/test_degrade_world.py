@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bench.sim.degrade import degrade
-from bench.sim.degrade.people import LEAST, legs_near
-from bench.sim.degrade.people_kernels import NEAR, stroll
-from bench.sim.people import LEG
+from bench.sim.degrade.people import MIN_PERSON_DISTANCE, legs_near
+from bench.sim.degrade.people_kernels import MAX_GOAL_DISTANCE, stroll
+from bench.sim.people import LEG_RADIUS
 from bench.sim.rays import rays_of
 from bench.sim.wheels import integrate, steps
 from slams.scanlog import ScanLog, TimeSeries
@@ -44,7 +44,7 @@ def test_people_only_shorten_and_more_people_shorten_more():
     assert (eight <= three)[~np.isnan(before)].all() and (eight < three).mean() > 0.02
     hit = three < before
     assert 0.02 < hit.mean() < 0.4 and hit[:, :5].any()
-    assert three[hit].min() >= 0.5 and three[hit].max() < NEAR + 2.5
+    assert three[hit].min() >= 0.5 and three[hit].max() < MAX_GOAL_DISTANCE + 2.5
     np.testing.assert_array_equal(degrade(log, "people", 0, 1).ranges, before)
 
 
@@ -61,7 +61,7 @@ def test_people_stand_where_their_legs_are_seen_from_the_true_pose():
         for x, y in legs[i]:
             dx, dy = x - sensor.x, y - sensor.y
             along = dx * np.cos(angles) + dy * np.sin(angles)
-            chord = LEG**2 - (dx**2 + dy**2 - along**2)
+            chord = LEG_RADIUS**2 - (dx**2 + dy**2 - along**2)
             entry = along - np.sqrt(np.where(chord > 0.0, chord, np.nan))
             expected = np.where(entry > 0.0, np.fmin(expected, entry), expected)
         np.testing.assert_allclose(seen[i], expected, rtol=1e-5)
@@ -73,8 +73,8 @@ def test_people_walk_at_their_pace_near_the_robot_and_keep_off():
     middle = 0.5 * (legs[:, 0::2] + legs[:, 1::2])
     sensor = rays_of(log.laser, log.truth.values)[:, :1, :2]
     away = np.hypot(*np.moveaxis(middle - sensor, 2, 0))
-    assert away.min() >= LEAST - 1e-9 and away.max() < 5.1 and np.median(away) < 3.0
-    assert np.hypot(*np.moveaxis(legs - sensor, 2, 0)).min() - LEG >= 0.5
+    assert away.min() >= MIN_PERSON_DISTANCE - 1e-9 and away.max() < 5.1 and np.median(away) < 3.0
+    assert np.hypot(*np.moveaxis(legs - sensor, 2, 0)).min() - LEG_RADIUS >= 0.5
     pace = np.hypot(*np.moveaxis(np.diff(middle, axis=0), 2, 0)) / 0.05
     assert 0.8 <= np.median(pace) <= 1.2 and (pace < 2.0).mean() > 0.99
     turned = np.unwrap(np.arctan2(*np.moveaxis(middle - sensor, 2, 0)[::-1]), axis=0)
@@ -245,13 +245,24 @@ def test_somebody_before_a_laser_of_one_beam_walks_to_and_fro_along_it():
     ranges = np.full((400, 1), 2.3, np.float32)
     ranges.flags.writeable = False
     out, strides = np.empty((400, 2)), np.full(400, 0.05)
-    stroll(sensors, ranges, angles, strides, LEAST, np.random.default_rng(0), out)
+    stroll(sensors, ranges, angles, strides, MIN_PERSON_DISTANCE, np.random.default_rng(0), out)
     assert np.abs(out[:, 1]).max() == 0.0
-    assert LEAST <= out[:, 0].min() < LEAST + 0.3 and 1.7 < out[:, 0].max() <= 2.0 + 1e-6
+    assert (
+        MIN_PERSON_DISTANCE <= out[:, 0].min() < MIN_PERSON_DISTANCE + 0.3
+        and 1.7 < out[:, 0].max() <= 2.0 + 1e-6
+    )
     went = np.abs(np.diff(out[:, 0]))
     assert went.max() == pytest.approx(0.05) and np.median(went) == pytest.approx(0.05)
     plain_python = np.empty_like(out)
-    stroll.py_func(sensors, ranges, angles, strides, LEAST, np.random.default_rng(0), plain_python)
+    stroll.py_func(
+        sensors,
+        ranges,
+        angles,
+        strides,
+        MIN_PERSON_DISTANCE,
+        np.random.default_rng(0),
+        plain_python,
+    )
     np.testing.assert_array_equal(plain_python, out)
 
 

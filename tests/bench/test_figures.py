@@ -96,7 +96,7 @@ def test_a_map_is_moved_into_the_frame_of_the_runs():
     to_data = image.get_transform() - drawn.transData
     assert to_data.transform((3.0, -2.0)) == pytest.approx([0.0, 0.0], abs=1e-9)
     shades = np.asarray(image.get_array())
-    assert (shades[4, 6], shades[0, 0]) == (0.0, pytest.approx(palette.UNKNOWN))
+    assert (shades[4, 6], shades[0, 0]) == (0.0, pytest.approx(palette.UNKNOWN_SHADE))
     assert (drawn.get_xlim(), drawn.get_ylim()) == limits
 
 
@@ -143,7 +143,7 @@ def test_several_logs_get_one_table_and_one_page(made):
 
 def test_every_figure_is_in_the_results(made):
     folder, found = made
-    read = results.read_figures(folder / results.FIGURES, results.FORMAT)
+    read = results.read_figures(folder / results.RESULTS_FILE, results.RESULTS_FORMAT)
     assert [log["name"] for log in read["logs"]] == ["room", "room"]
     assert [row["algorithm"] for row in read["rows"]] == 2 * ["odometry", STILL, BROKEN]
     assert read["rows"][0]["errors"] == found.rows[0]["errors"]
@@ -162,7 +162,7 @@ def test_every_figure_is_in_the_results(made):
 def test_damaged_results_are_refused(tmp_path, content, sentence):
     (tmp_path / "r.json").write_bytes(content)
     with pytest.raises(ValueError, match=sentence):
-        results.read_figures(tmp_path / "r.json", results.FORMAT)
+        results.read_figures(tmp_path / "r.json", results.RESULTS_FORMAT)
 
 
 def test_a_log_in_another_process_is_read_only_still():

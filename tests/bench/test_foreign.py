@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bench import compare
-from bench.judge.comparison import weighed
+from bench.judge.comparison import evaluated
 from bench.report import figures
 from bench.results import LogResult, Outcome, Reference
 from bench.run.cases import Choice, replayed
@@ -199,6 +199,6 @@ def test_map_quality_does_not_depend_on_the_frame():
         for row, frame, origin in zip(rows, frames, origins, strict=True)
     ]
     log = LogResult(Reference({"name": "l", "notes": []}, None, true, start), outcomes)
-    own, foreign, wrong = (row["map"] for row in weighed([log], {}).rows)
+    own, foreign, wrong = (row["map"] for row in evaluated([log], {}).rows)
     assert own["iou"] == foreign["iou"] == 1.0
     assert (wrong["iou"] or 0.0) < 0.1

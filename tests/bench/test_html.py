@@ -11,7 +11,7 @@ import pytest
 
 from bench.judge import loss, metrics, verdicts
 from bench.report import figures, outputs, tables
-from bench.report.palette import COLORS, UNKNOWN, shade
+from bench.report.palette import COLORS, UNKNOWN_SHADE, shade
 from bench.report.pareto import Point, front
 from bench.results import Comparison, LogResult, Outcome, Reference
 from bench.run.cases import Choice, facts, failed, replayed
@@ -166,7 +166,7 @@ def test_headings_and_sections_are_there_in_order(page):
         "Tables and histograms of the paper",
         "Trajectories",
         "All tables",
-        "How sure",
+        "Significance",
         "How it was run",
         "Definitions",
     ]
@@ -220,17 +220,17 @@ def test_the_page_says_how_the_runs_were_made_and_what_came_of_them(comparison, 
     assert f"odometry is better than {BAD_NAME} on this log by" in page.text
     assert "python -m bench.compare a.npz --quick" in page.text
     assert '"OMP_NUM_THREADS": "1"' in page.text
-    assert f"{BAD_NAME}: parameters and own report" in page.text
+    assert f"{BAD_NAME}: parameters and report" in page.text
     mean = comparison.rows[0]["errors"]["spans"]["update"]["translation_m"]["mean"]
     assert f"{mean:.5f}" in page.text, "as in every other format"
     assert all(attrs.get("data-label") for attrs in page.all("td")), "for a narrow screen"
 
 
 def test_definitions_have_the_constants_of_the_code(page, monkeypatch, comparison, tmp_path):
-    assert "off by more than 0.5 m or 0.3 rad" in page.text
-    monkeypatch.setattr(loss, "LIMIT_M", 7.25)
+    assert "a pose error exceeds 0.5 m or 0.3 rad" in page.text
+    monkeypatch.setattr(loss, "MAX_POSITION_ERROR", 7.25)
     changed = Page(written(tmp_path, comparison)).text
-    assert "off by more than 7.25 m or" in changed
+    assert "a pose error exceeds 7.25 m or" in changed
     assert all(span in changed for span in metrics.SPANS)
 
 
@@ -252,7 +252,7 @@ def test_a_log_without_truth(tmp_path):
     log = drive(n=60)
     log = type(log)(log.t, log.ranges, log.laser, log.odom, None, log.yaw_rate, {"name": "blind"})
     page = Page(written(tmp_path, done_of(log, outcomes(log, ["odometry", "poor"]))))
-    assert "The log has neither truth nor relations, and no run can be judged" in page.text
+    assert "The log has neither ground truth nor relations" in page.text
     headings = page.raw
     assert 'id="trajectories"' in headings
     assert 'id="errors"' not in headings
@@ -290,9 +290,9 @@ def test_by_relations(tmp_path):
 def test_unknown_is_darker_than_free_and_lighter_than_occupied_however_unsure():
     p = np.linspace(0.0, 1.0, 1001)
     shades = shade(p)
-    assert (shades[p < 0.5] > UNKNOWN + 0.1).all()
-    assert (shades[p > 0.5] < UNKNOWN - 0.1).all()
-    assert shade(np.array([np.nan, 0.5])).tolist() == [UNKNOWN, UNKNOWN]
+    assert (shades[p < 0.5] > UNKNOWN_SHADE + 0.1).all()
+    assert (shades[p > 0.5] < UNKNOWN_SHADE - 0.1).all()
+    assert shade(np.array([np.nan, 0.5])).tolist() == [UNKNOWN_SHADE, UNKNOWN_SHADE]
 
 
 def test_the_front_has_those_that_none_beats_in_both():

@@ -19,11 +19,11 @@ def test_a_floor_plan_is_dark_wherever_a_wall_is():
 
 
 def test_errors_are_those_of_the_map_and_of_the_truth(capsys, monkeypatch):
-    monkeypatch.setattr(localize, "PLACES", 3)
+    monkeypatch.setattr(localize, "SEARCHES_PER_ARENA", 3)
     small = ("--arenas", "1", "--duration", "3", "--size", "8")
     assert localize.main([*small, "--algorithms", "hector"]) == 0
     said = capsys.readouterr().out
-    assert said.startswith("found from nothing: 3 of 3 right, ")
+    assert said.startswith("global localization: 3 of 3 correct, ")
     own, plan = (line.split() for line in said.splitlines()[-2:])
     assert own[:3] == ["first", "drive:", "hector"] and plan[:3] == ["floor", "plan:", "hector"]
     (mean, worst, p95, first, arenas), of_plan = map(float, own[3:]), float(plan[3])
@@ -42,17 +42,22 @@ def test_a_drive_that_is_not_found_is_no_arena_of_the_table():
 @pytest.fixture
 def small(monkeypatch):
     """A ring that is driven around once and a bit in a minute."""
-    for name, value in {"SIZE": 16.0, "WAY": 80.0, "SPEED": 1.0, "AGAIN": 20.0}.items():
+    for name, value in {
+        "BUILDING_SIZE": 16.0,
+        "DRIVE_LENGTH": 80.0,
+        "ROBOT_SPEED": 1.0,
+        "LOOP_REVISIT_TIME": 20.0,
+    }.items():
         monkeypatch.setattr(loops, name, value)
 
 
-def test_key_scans_are_a_step_of_way_or_turn_apart():
+def test_keyframes_are_a_distance_or_rotation_apart():
     turned = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.1])
     x = np.array([0.0, 0.4, 0.8, 1.4, 1.4, 1.4, 1.4])
-    assert loops._keys(np.column_stack([x, 0.0 * x, turned])) == [0, 2, 4]
-    around = np.column_stack([0.0 * x, 0.0 * x, np.linspace(3.0, 3.3, 7)])  # over pi: no leap
+    assert loops._keyframes(np.column_stack([x, 0.0 * x, turned])) == [0, 2, 4]
+    around = np.column_stack([0.0 * x, 0.0 * x, np.linspace(3.0, 3.3, 7)])  # across pi: no jump
     around[:, 2] = (around[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
-    assert loops._keys(around) == [0]
+    assert loops._keyframes(around) == [0]
 
 
 def test_a_building_has_a_short_sight_and_wheels_that_are_wrong(small):
@@ -65,7 +70,7 @@ def test_a_building_has_a_short_sight_and_wheels_that_are_wrong(small):
     np.testing.assert_array_equal(loops.building(3).odom.values, counted)
 
 
-def test_the_error_between_two_visits_tells_a_closed_loop_from_an_open_one(small):
+def test_the_error_between_two_visits_separates_closed_and_open_loops(small):
     log = loops.building(3)
     blind = loops.replace(log, ranges=np.full_like(log.ranges, np.inf))
     for label in ("gmapping:n_particles=2", "tsd"):
@@ -73,7 +78,7 @@ def test_the_error_between_two_visits_tells_a_closed_loop_from_an_open_one(small
         assert loops.revisit_error(blind, label) > 1.0  # by wheels alone
 
 
-def test_a_line_for_each_algorithm_says_how_many_loops_are_closed(small, monkeypatch, capsys):
+def test_a_line_for_each_algorithm_has_the_number_of_closed_loops(small, monkeypatch, capsys):
     errors = {"gmapping:n_particles=1": [0.2, 0.3], "hector+loops": [0.1, 0.054]}
     known = {label: iter(of) for label, of in errors.items()}
     monkeypatch.setattr(loops, "revisit_error", lambda log, label: next(known[label]))

@@ -150,7 +150,7 @@ def test_the_true_map_is_what_could_be_seen():
 def test_nothing_behind_walls_is_seen():
     """Each free cell known has a straight sight to one of the poses, but for their rims."""
     log = log_of()
-    world, truth = world_of(log), truth_map(log, most=10)
+    world, truth = world_of(log), truth_map(log, max_viewpoints=10)
     poses = log.truth_at(log.t)[:: math.ceil(len(log) / 10)]
     rng = np.random.default_rng(1)
     cells = rng.permutation(np.argwhere(truth.p == 0.0))[:1500]

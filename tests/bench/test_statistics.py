@@ -1,4 +1,4 @@
-"""How sure: coverage of the intervals, tests of pairs, Holm, and the sentence."""
+"""Significance: coverage of the intervals, tests of pairs, Holm, and the sentence."""
 
 import math
 

@@ -70,9 +70,9 @@ def test_the_page_answers_first_and_draws_curves_with_bands_and_escapes_names(tm
     weighed = command.write(tmp_path, found)
     page = (tmp_path / "report.html").read_text()
     assert "<i>" not in page
-    assert page.index("3 drives cannot tell") < page.index("<img") < page.index("levels held [%]")
+    assert page.index("3 drives cannot decide") < page.index("<img") < page.index("levels held [%]")
     assert page.count("<img") == 2, "errors and costs, and the curves of one question"
-    assert '<td data-label="laser alone" class="words">3 drives cannot tell' in page
+    assert '<td data-label="laser alone" class="words">3 drives cannot decide' in page
     assert (tmp_path / "fig_survival-1.png").exists()
     assert "range noise" in page and "a &lt;b&gt;" in page
     axes, (cell,) = Figure().subplots(), weighed.cells
@@ -158,7 +158,7 @@ def test_the_same_bytes_from_one_process_and_two(room_file, tmp_path):
     places = {name: tmp_path / name for name in ("one", "two")}
     assert command.main(arguments_of(room_file, places["one"], "--jobs", "1")) == 0
     assert command.main(arguments_of(room_file, places["two"], "--jobs", "2")) == 0
-    names = [results.TRIALS, "survival.csv", "table-alarms.csv"]
+    names = [results.TRIALS_FILE, "survival.csv", "table-alarms.csv"]
     for name in names:
         texts = {place: (folder / name).read_bytes() for place, folder in places.items()}
         assert len(set(texts.values())) == 1, name
@@ -183,13 +183,13 @@ def test_what_is_done_is_not_done_again_and_not_counted_as_work(
 
     monkeypatch.setattr(command.cli, "progress", progress)
     assert command.main(words) == 0
-    before = (tmp_path / "out" / results.TRIALS).read_bytes()
+    before = (tmp_path / "out" / results.TRIALS_FILE).read_bytes()
     stored = {p: p.stat().st_mtime_ns for p in (tmp_path / "out" / "runs").rglob("*.json")}
     gone = sorted(p for p in stored if not p.name.endswith(".cost.json"))[:2]
     for path in gone:
         path.unlink()
     assert command.main(words) == 0
-    assert (tmp_path / "out" / results.TRIALS).read_bytes() == before
+    assert (tmp_path / "out" / results.TRIALS_FILE).read_bytes() == before
     done_again = {p.name for p in stored if p.stat().st_mtime_ns != stored[p]}
     assert {p.name for p in gone} <= done_again
     assert len(done_again) <= 4  # and what they cost
@@ -209,8 +209,8 @@ def test_the_default_sweep_has_ten_drives_an_arena_and_all_three_kinds_of_rows()
     names = ("hector", "tsd", "crsm", "gmapping")
     assert made.algorithms == [f"{n}{p}" for p in ("", "@paper", "@original") for n in names]
     assert len(made.logs) == 40
-    assert set(made.conditions) == set(command.DEGRADATIONS)
+    assert set(made.conditions) == set(command.DEFAULT_DEGRADATIONS)
     quick = command._plan(command.parser().parse_args(["--quick"]))
     assert quick.algorithms == list(names)
-    assert set(quick.conditions) == set(command.QUICK)
+    assert set(quick.conditions) == set(command.QUICK_DEGRADATIONS)
     assert len(quick.logs) == 20

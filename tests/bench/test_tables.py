@@ -126,7 +126,7 @@ def test_the_answer_is_the_cheapest_of_those_as_accurate_within_chance():
     ]
     assert words.answer(found) == [
         "Take a: 2.10 mm over 1 s, 3.000 ms per scan.",
-        "As accurate within chance, and dearer: b.",
+        "As accurate within chance, but slower: b.",
         "Next: e 2.60 mm, 0.500 ms per scan and c 3.00 mm, 1.000 ms per scan.",
         "Lost or failed: d after 4 s.",
     ]
@@ -141,13 +141,13 @@ def test_over_logs_those_lost_least_come_first_and_the_verdicts_are_those_over_a
     take, following, lost, slow = words.answer(found)
     assert take == "Take b: 2.00 mm over 1 s, 1.000 ms per scan."
     assert following == "Next: a 3.00 mm, 1.000 ms per scan."
-    assert (lost, slow) == ("Lost or failed: c on 1 of 2 logs.", "Slower than the scans came: b.")
+    assert (lost, slow) == ("Lost or failed: c on 1 of 2 logs.", "Slower than real time: b.")
 
 
 def test_if_all_are_lost_the_answer_says_so_and_still_names_the_best():
     found = words.answer(compared([strayed("a", error=0.002), strayed("b", error=0.001)]))
     assert found[0] == "Every algorithm was lost on 1 of 1 log."
-    assert found[1].startswith("The most accurate all the same is b: 1.00 mm over 1 s")
+    assert found[1].startswith("The most accurate one is still b: 1.00 mm over 1 s")
     failed = {"algorithm": "a", "failed": "ValueError: no"}
     assert words.answer(compared([failed])) == [
         "Every algorithm was lost or failed: none can be recommended here."

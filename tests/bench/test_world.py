@@ -10,11 +10,11 @@ from bench.sim.degrade import degrade
 from bench.sim.drive import Drive
 from bench.sim.maze import rescue_arena
 from bench.sim.measuring import Measuring
-from bench.sim.ramps import LENGTH, Ramps
+from bench.sim.ramps import RAMP_LENGTH, Ramps
 from bench.sim.sensors import SENSORS
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
-from bench.sim.swing import HEIGHT, Swing
+from bench.sim.swing import LASER_HEIGHT, Swing
 from bench.sim.world import World, read_world
 from slams.scan.end_points import EndPoints
 from slams.scan.params import ScanParams
@@ -130,12 +130,12 @@ def test_a_swing_reaches_its_level_and_no_more():
 
 def test_a_beam_meets_the_next_ridge_or_passes_it():
     ramps = Ramps(20.0, np.random.default_rng(1))
-    valley = LENGTH * (1.0 - ramps.phases)
+    valley = RAMP_LENGTH * (1.0 - ramps.phases)
     rays = np.array([[*valley, 0.0]] * 3)
-    ridge = ramps.slope * LENGTH
+    ridge = ramps.slope * RAMP_LENGTH
     height, rise_by = np.array([0.5 * ridge, 1.1 * ridge, 0.2]), np.array([0.0, 0.0, -0.1])
     found = ramps.meet(rays, np.full(3, 6.0), rise_by, height)
-    assert found[0] == pytest.approx(0.5 * LENGTH, abs=0.01) and found[1] == math.inf
+    assert found[0] == pytest.approx(0.5 * RAMP_LENGTH, abs=0.01) and found[1] == math.inf
     assert found[2] == pytest.approx(0.2 / (ramps.slope + 0.1), abs=0.01)
 
 
@@ -160,7 +160,7 @@ def off_the_walls(log, world, leveled):
     for scan in log.rows(slice(None, None, 40)):
         if not leveled:
             object.__setattr__(scan, "attitude", None)
-        points.take(scan, IDENTITY)
+        points.read(scan, IDENTITY)
         pose = Pose2(*log.truth_at(np.array([scan.t]))[0])
         ends = pose.transform(points.points[:2, : points.n].T)
         found.append(world.gap[world.cells_of(ends)] * world.resolution)
@@ -172,11 +172,11 @@ def test_leveled_scans_lie_on_the_walls_of_the_world(made):
     tilts = {} if made == "degraded" else {made: 12.0}
     log = simulate(Setting(size=10.0, duration=20.0, **tilts)).select(every=4)
     log = log if tilts else degrade(log, "tilt", 12.0, 1)
-    height = HEIGHT if tilts else 0.0
-    assert (log.laser.mount_z, log.laser.above_floor) == (height, HEIGHT)
+    height = LASER_HEIGHT if tilts else 0.0
+    assert (log.laser.mount_z, log.laser.above_floor) == (height, LASER_HEIGHT)
     points = EndPoints(ScanParams())
     for scan in log:
-        points.take(scan, Pose2(0.3, 0.0, 0.0))
+        points.read(scan, Pose2(0.3, 0.0, 0.0))
     assert points.counts["leveled"] == len(log), "no attitude is called wrong"
     world = world_of(log)
     assert off_the_walls(log, world, True) < 0.05 < 0.2 < off_the_walls(log, world, False)

@@ -1,4 +1,4 @@
-"""The reports of a comparison: of one log, and over several of which each has its own."""
+"""The reports of a comparison: one for each log, and one over several logs."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ from bench.report.lines import Table
 if TYPE_CHECKING:
     from bench.results import Comparison, LogResult
 
-# tables that stand in sections of their own; the others are under "All tables"
-MAIN, PAPER = ("main",), ("translation", "orientation", "published")
-MAPS = (
-    "Fig. 4 of the paper: white is free, black occupied, gray never observed. Each map with its "
-    "path; dashed: the true one, where it is known."
+# tables with their own sections; the others are under "All tables"
+MAIN_TABLES, PAPER_TABLES = ("main",), ("translation", "orientation", "published")
+MAPS_CAPTION = (
+    "Fig. 4 of the paper: white is free, black occupied, gray unobserved. Each map has its path; "
+    "the dashed path is the true one, if known."
 )
-SHARES = "Share of the poses with errors below a value: further left is better."
-SHARES_OF_RUNS = (
-    "Share of the runs with absolute errors below a value: further left and higher is better; a "
-    "run that failed never comes."
+POSES_CAPTION = "Share of the poses with errors below a value; left is better."
+RUNS_CAPTION = (
+    "Share of the runs with absolute errors below a value; left and high is better. Failed runs "
+    "count as above every value."
 )
-PATHS = "Paths seen from the first pose; dashed: the true one, where it is known."
+PATHS_CAPTION = "Paths in the frame of the first pose; the dashed path is the true one, if known."
 
 
 def write(folder: Path, comparison: Comparison, done: LogResult) -> None:
-    """Write report.html of one log beside its figures in `folder`: all but the answer is folded."""
+    """Write report.html of one log, beside its figures in `folder`; details are folded."""
     entry, rows = done.entry, done.rows
     made = tables.tables(entry, rows)
     alone = comparison._replace(logs=[done], over_logs=[])
     shown = {
-        "Which one": together(bullets(words.answer(alone)), _tables(made, MAIN)),
-        "Maps": page.picture(folder / "fig4_maps.png", MAPS),
-        "Errors": page.picture(folder / "fig_errors.png", f"{SHARES} {page.COSTS}"),
+        "Which one": together(bullets(words.answer(alone)), _tables(made, MAIN_TABLES)),
+        "Maps": page.picture(folder / "fig4_maps.png", MAPS_CAPTION),
+        "Errors": page.picture(folder / "fig_errors.png", f"{POSES_CAPTION} {page.COST_CAPTION}"),
     }
     paper = [
         page.picture(
@@ -50,15 +50,15 @@ def write(folder: Path, comparison: Comparison, done: LogResult) -> None:
         )
         for number, kind in ((2, "translation"), (3, "orientation"))
     ]
-    others = tuple(key for key in made if key not in (*MAIN, *PAPER))
+    others = tuple(key for key in made if key not in (*MAIN_TABLES, *PAPER_TABLES))
     broken = words.failures(rows)
-    sure = [verdict["sentence"] for verdict in words.neighbors(entry.get("verdicts") or [])]
+    tests = [verdict["sentence"] for verdict in words.neighbors(entry.get("verdicts") or [])]
     failed = bullets(broken) if broken else None
     folded = {
-        "Tables and histograms of the paper": together(_tables(made, PAPER), *paper) or None,
-        "Trajectories": page.picture(folder / "fig_trajectories.png", PATHS),
+        "Tables and histograms of the paper": together(_tables(made, PAPER_TABLES), *paper) or None,
+        "Trajectories": page.picture(folder / "fig_trajectories.png", PATHS_CAPTION),
         "All tables": together(_tables(made, others), failed) or None,
-        "How sure": bullets(sure) if sure else None,
+        "Significance": bullets(tests) if tests else None,
         "How it was run": together(facts(comparison.as_dict(), entry), parameters(rows)),
         "Definitions": _definitions(),
     }
@@ -67,18 +67,18 @@ def write(folder: Path, comparison: Comparison, done: LogResult) -> None:
 
 
 def write_joint(folder: Path, comparison: Comparison, folders: Sequence[str]) -> None:
-    """Write report.html beside its figure; `folders` in it hold the logs' own."""
+    """Write report.html over several logs; `folders` contain the reports of each log."""
     over = [verdict["sentence"] for verdict in comparison.over_logs]
     shown = {
         "Which one": together(
             bullets(words.answer(comparison)),
-            table(Table(tables.OVER_LOGS, tables.logs_table(comparison))),
+            table(Table(tables.OVER_LOGS_TITLE, tables.logs_table(comparison))),
         ),
         "Each log": _links(comparison, folders),
-        "Errors": page.picture(folder / "fig_errors.png", f"{SHARES_OF_RUNS} {page.COSTS}"),
+        "Errors": page.picture(folder / "fig_errors.png", f"{RUNS_CAPTION} {page.COST_CAPTION}"),
     }
     folded = {
-        "How sure": bullets(over) if over else None,
+        "Significance": bullets(over) if over else None,
         "How it was run": facts(comparison.facts),
     }
     title = f"SLAM comparison over {len(comparison.logs)} logs"
@@ -103,12 +103,12 @@ def _tables(made: dict[str, Table], keys: tuple[str, ...]) -> Markup:
 
 
 def _definitions() -> Markup:
-    """The prose, with the constants of the code."""
+    """The text of the definitions, with the constants of the code."""
     constants = {
-        "limit_m": loss.LIMIT_M,
-        "limit_rad": loss.LIMIT_RAD,
-        "broken_share": 100 * loss.BROKEN_SHARE,
-        "reported_share": 100 * loss.REPORTED_SHARE,
+        "limit_m": loss.MAX_POSITION_ERROR,
+        "limit_rad": loss.MAX_HEADING_ERROR,
+        "broken_share": 100 * loss.MAX_BROKEN_SHARE,
+        "reported_share": 100 * loss.MAX_REPORTED_SHARE,
     }
     texts = {name: f"{value:g}" for name, value in constants.items()}
     texts["spans"] = ", ".join(metrics.SPANS[1:])

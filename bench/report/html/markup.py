@@ -1,4 +1,4 @@
-"""HTML elements as text that nothing shown in them can break: all else is escaped."""
+"""HTML elements as text; all content is escaped."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from html import escape
 
 
 class Markup(str):
-    """Text that is markup already; any other text is escaped where it enters an element."""
+    """Text that is markup; other text is escaped when it is added to an element."""
 
     __slots__ = ()
 
@@ -17,7 +17,7 @@ def element(tag: str, *children: str | None, **attributes: object) -> Markup:
 
     Args:
         tag: its name.
-        children: elements, or plain text, which is escaped; None is left out.
+        children: elements, or plain text, which is escaped; None is omitted.
         attributes: `aria_label` is written aria-label, `class_` class.
     """
     words = [f"<{tag}"]
@@ -28,7 +28,7 @@ def element(tag: str, *children: str | None, **attributes: object) -> Markup:
 
 
 def together(*parts: str | None) -> Markup:
-    """Elements and plain text, one after the other."""
+    """Concatenate elements and plain text."""
     known = [part for part in parts if part is not None]
     return Markup("".join(part if isinstance(part, Markup) else escape(part) for part in known))
 

@@ -1,4 +1,4 @@
-"""A page: sections of words, tables and pictures, all in one file."""
+"""A page with sections of text, tables and pictures, in one file."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from bench.report import text as report
 from bench.report.html.markup import Markup, element, together
 from bench.report.lines import Table
 
-HERE = Path(__file__).parent
-NUMBER = 20  # characters of a cell; with more it has words, which take the width of a phone
-COSTS = (
-    "Mean error against CPU time per scan, both logarithmic: lower left is better. The line joins "
-    "those that no other beats in both; crosses were lost."
+TEMPLATE_FOLDER = Path(__file__).parent
+MAX_NUMBER_LENGTH = 20  # characters of a cell; longer cells are text and need the full width
+COST_CAPTION = (
+    "Mean error against CPU time per scan, both logarithmic; lower left is better. The line is the "
+    "Pareto front; crosses are lost runs."
 )
 
 
@@ -26,21 +26,21 @@ def write(
     shown: Mapping[str, Markup | None],
     folded: Mapping[str, Markup | None],
 ) -> None:
-    """Write report.html; same sections, same bytes.
+    """Write report.html; the same sections give the same bytes.
 
     Args:
-        folder: where it goes.
+        folder: the folder of the file.
         title: of the window.
         heading: the first line.
-        shown: sections by name; empty ones are left out.
-        folded: those behind them, of which only the name is seen at first.
+        shown: sections by name; empty ones are omitted.
+        folded: sections after these, of which only the name is visible at first.
     """
     known = {name: body for name, body in {**shown, **folded}.items() if body}
     links = [element("a", name, href=f"#{_anchor(name)}") for name in known]
     text = template("report.template.html").substitute(
         title=element("title", title),
-        style=(HERE / "report.css").read_text(encoding="utf-8"),
-        script=(HERE / "report.js").read_text(encoding="utf-8"),
+        style=(TEMPLATE_FOLDER / "report.css").read_text(encoding="utf-8"),
+        script=(TEMPLATE_FOLDER / "report.js").read_text(encoding="utf-8"),
         heading=element("h1", heading),
         contents=together(*links),
         main=together(*(_section(name, body, name in folded) for name, body in known.items())),
@@ -49,7 +49,7 @@ def write(
 
 
 def picture(path: Path, words: str) -> Markup | None:
-    """A png file and in words below what it shows; None where there is none."""
+    """A png file with its caption; None if the file does not exist."""
     if not path.exists():
         return None
     data = b64encode(path.read_bytes()).decode("ascii")
@@ -58,7 +58,7 @@ def picture(path: Path, words: str) -> Markup | None:
 
 
 def table(one: Table) -> Markup:
-    """A table with its title that scrolls in its own box; cells as in every other format."""
+    """A table with its title and note, in its own scrolling box."""
     head, *body = report.cells(one.frame, one.corner)
     drawn = element(
         "table",
@@ -71,7 +71,7 @@ def table(one: Table) -> Markup:
 
 
 def _line(head: list[str], line: list[str]) -> Markup:
-    """A line; on a narrow screen the label of a value stands with it."""
+    """A line of a table; narrow screens show the label of each value."""
     name, *values = line
     header = element("th", element("span", name), scope="row")
     cells = zip(head[1:], values, strict=True)
@@ -79,13 +79,13 @@ def _line(head: list[str], line: list[str]) -> Markup:
 
 
 def _cell(column: str, value: str) -> Markup:
-    known = {"class_": "words"} if len(value) > NUMBER else {}
+    known = {"class_": "words"} if len(value) > MAX_NUMBER_LENGTH else {}
     return element("td", value, data_label=column, **known)
 
 
 def template(name: str) -> Template:
-    """A file of this folder with places to fill."""
-    return Template((HERE / name).read_text(encoding="utf-8"))
+    """A template file of this folder."""
+    return Template((TEMPLATE_FOLDER / name).read_text(encoding="utf-8"))
 
 
 def _section(name: str, body: Markup, folded: bool) -> Markup:

@@ -1,4 +1,4 @@
-"""How results were made: command, machine, versions, the log and every parameter."""
+"""The record of results: command, machine, versions, log and parameters."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from bench.results import Line, Rows
 
 
 def facts(results: Line, entry: Line | None = None) -> Markup:
-    """Command, machine and versions; of one log its notes and what is known of it, too."""
+    """Command, machine and versions; for one log also its notes and figures."""
     entry = entry or {}
     notes = [element("li", note) for note in entry.get("notes") or []]
     known = {key: results[key] for key in ("machine", "versions")}
@@ -25,12 +25,12 @@ def facts(results: Line, entry: Line | None = None) -> Markup:
 
 
 def parameters(rows: Rows) -> Markup:
-    """Parameters and own report of each run, folded."""
+    """Parameters and report of each run, folded."""
     runs = [row for row in rows if not row["failed"]]
     keys = ("parameters", "report")
     return together(
         *(
-            _folded(f"{label(row)}: parameters and own report", {k: row.get(k) for k in keys})
+            _folded(f"{label(row)}: parameters and report", {k: row.get(k) for k in keys})
             for row in runs
         )
     )

@@ -1,4 +1,4 @@
-"""The page of a sweep: the answers, errors and costs, survival curves with their bands, tables."""
+"""The page of a sweep: answers, errors and costs, survival curves, tables."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from bench.report.html.markup import bullets, element, together
 from bench.report.html.page import table
 from bench.results.sweep import Sweep
 
-ALL_RUNS = (
-    "Above: share of all runs, at every level, with errors below a value; a curve ends at the "
-    "share that was not lost. Below: medians of the drives as they are (large), then with fewer "
+SWEEP_CAPTION = (
+    "Top: share of all runs, at all levels, with errors below a value; a curve ends at the share "
+    "that was not lost. Bottom: medians of the drives without degradation (large), then with fewer "
     "and fewer beams as long as half of the drives hold; lower left is better."
 )
-HELD = "Share of the runs that hold the level, with its 95 % band."
+SURVIVAL_CAPTION = "Share of the runs that hold the level, with its 95 % band."
 
 
 def write(folder: Path, sweep: Sweep, found: Analysis) -> None:
@@ -24,13 +24,14 @@ def write(folder: Path, sweep: Sweep, found: Analysis) -> None:
     facts = sweep.facts
     answers = (table(one) for one in sweep_tables.choices(found))
     meanings = [f"{name} [{facts['units'][name]}]: {of}" for name, of in facts["meanings"].items()]
-    curves = [page.picture(path, HELD) for path in sorted(folder.glob("fig_survival-*.png"))]
+    files = sorted(folder.glob("fig_survival-*.png"))
+    curves = [page.picture(path, SURVIVAL_CAPTION) for path in files]
     shown = {
-        "Which one to take": together(element("p", sweep_tables.TAKE), *answers),
-        "Errors and costs": page.picture(folder / "fig_sweep.png", ALL_RUNS),
+        "Which one to take": together(element("p", sweep_tables.ANSWER_NOTE), *answers),
+        "Errors and costs": page.picture(folder / "fig_sweep.png", SWEEP_CAPTION),
         "Runs that hold a level": together(bullets(meanings), *curves) if curves else None,
         "Tables": together(*(table(one) for one in sweep_tables.tables(found, facts).values())),
     }
     heading = f"{sweep_tables.head(found, facts)}."
     folded = {"How it was run": record.facts(sweep.record)}
-    page.write(folder, "SLAM in the field: what breaks it", heading, shown, folded)
+    page.write(folder, "SLAM under degraded conditions", heading, shown, folded)

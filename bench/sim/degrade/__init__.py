@@ -1,4 +1,4 @@
-"""What breaks an algorithm in the field: pure functions of a log, a level and a seed."""
+"""Degradations: pure functions of a log, a level and a seed."""
 
 from bench.sim.degrade.catalog import CATALOG, degrade
 from bench.sim.degrade.degradation import Degradation

@@ -1,4 +1,4 @@
-"""A degradation by its name, and a log degraded by it."""
+"""All degradations by name, and `degrade`."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from slams.scanlog import ScanLog
 
 @degradation("1", (0,), 0, 0)
 def clean(log: ScanLog, level: float) -> ScanLog:
-    """The log as it is."""
+    """The log without degradation."""
     return log
 
 
-KINDS = (fan, readings, people, glass, stamps, wheels, tilt)
-EVERY = [clean, *(one for kind in KINDS for one in vars(kind).values())]
-CATALOG = {one.name: one for one in EVERY if isinstance(one, Degradation)}
+DEGRADATION_MODULES = (fan, readings, people, glass, stamps, wheels, tilt)
+MODULE_VALUES = [clean, *(one for kind in DEGRADATION_MODULES for one in vars(kind).values())]
+CATALOG = {one.name: one for one in MODULE_VALUES if isinstance(one, Degradation)}
 
 
 def degrade(log: ScanLog, name: str, level: float, seed: int) -> ScanLog:
-    """A log as it would be under a degradation; the one given stays as it is.
+    """A degraded copy of a log.
 
-    Same arguments, same log, bit for bit. With the same seed a greater level is the same mishap,
-    only worse: the same beams drop out and more, the same people walk and others. Degradations go
-    on top of one another; `meta["degraded"]` lists them in order, each with its name, level and
-    seed, and the log's name tells them. "clean" gives the log itself.
+    The same arguments give the same log, bit for bit. With the same seed a greater level is the
+    same defect, only worse: the same beams drop out and more, the same people walk and others.
+    Degradations can be combined: `meta["degraded"]` lists them in order with name, level and seed,
+    and the log's name contains them. "clean" returns the log itself.
 
     Raises:
         LookupError: no such degradation.
-        ValueError: no such level or seed, or the log has nothing that this could degrade.
+        ValueError: invalid level or seed, or the log lacks the data to degrade.
     """
     found = look_up("degradation", name, CATALOG)
     level = found.checked(level)
@@ -49,7 +49,7 @@ def degrade(log: ScanLog, name: str, level: float, seed: int) -> ScanLog:
 
 
 def _noted(log: ScanLog, name: str, level: float, seed: int) -> ScanLog:
-    """What was done stands in the log's meta, so that nobody takes it for the one it was."""
+    """The log with the degradation in its name and meta."""
     done = [*log.meta.get("degraded", []), {"name": name, "level": level, "seed": seed}]
     known = {"name": f"{log.name}+{name}={level:g}-{seed}", "degraded": done}
     return replace(log, meta=log.meta | known)

@@ -1,4 +1,4 @@
-"""What one degradation is: its name, what its level means, and what it does to a log."""
+"""The class of a degradation: name, levels, meaning and function."""
 
 from __future__ import annotations
 
@@ -15,25 +15,21 @@ from slams.scanlog import ScanLog
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-LACKS = {
-    "truth": "truth at any scan",
-    "odometry": "odometry",
-    "gyro": "gyro",
-}
+NEED_WORDS = {"truth": "truth at any scan", "odometry": "odometry", "gyro": "gyro"}
 
 
 @dataclass(frozen=True)
 class Degradation:
-    """One way to degrade a log; called with a log, a level and, where it is random, a generator.
+    """A degradation, called with a log, a level and, if it is random, a generator.
 
     Attributes:
-        apply: pure function of log, level and, where the seed plays a part, a fresh generator.
+        apply: pure function of log, level and, if it is random, a new generator.
         unit: of the level, "1" for a count.
-        levels: from mild to deadly, in the order in which a sweep raises them.
-        low: least level allowed.
-        high: greatest level allowed.
-        whole: the level is a whole number.
-        needs: of "truth", "odometry", "gyro": a log without has nothing to degrade.
+        levels: from mild to severe, in the order of a sweep.
+        low: minimum level.
+        high: maximum level.
+        whole: whether the level is a whole number.
+        needs: required data of the log, of "truth", "odometry", "gyro".
     """
 
     apply: Callable[..., ScanLog]
@@ -45,30 +41,30 @@ class Degradation:
     needs: tuple[str, ...] = ()
 
     def __call__(self, log: ScanLog, level: float, rng: Generator | None = None) -> ScanLog:
-        """The log degraded."""
+        """The degraded log."""
         return self.apply(log, level, rng) if self.random else self.apply(log, level)
 
     @property
     def name(self) -> str:
-        """As on the command line, `noise=0.05`: that of the function."""
+        """The name on the command line: that of the function."""
         return self.apply.__name__.rstrip("_")
 
     @property
     def meaning(self) -> str:
-        """What the level says: the first line of the function's docstring."""
+        """The meaning of the level: the first line of the function's docstring."""
         line = (inspect.getdoc(self.apply) or "").partition("\n")[0]
         return line[:1].lower() + line[1:].rstrip(".")
 
     @property
     def random(self) -> bool:
-        """The seed plays a part; without, two seeds give the same log."""
+        """Whether the seed affects the result."""
         return "rng" in inspect.signature(self.apply).parameters
 
     def checked(self, level: float | str) -> float:
         """The level as a number.
 
         Raises:
-            ValueError: it is none, or out of bounds; the sentence says what would be right.
+            ValueError: it is not a number, or out of bounds.
         """
         try:
             number = float(level)
@@ -86,8 +82,8 @@ class Degradation:
         return number
 
     def lacks(self, log: ScanLog) -> str:
-        """What the log would need for this and does not have, in words; empty if nothing."""
-        return next((LACKS[need] for need in self.needs if not _has(log, need)), "")
+        """The missing data that this degradation needs, in words; empty if none."""
+        return next((NEED_WORDS[need] for need in self.needs if not _has(log, need)), "")
 
 
 def degradation(
@@ -99,7 +95,7 @@ def degradation(
     whole: bool = False,
     needs: tuple[str, ...] = (),
 ) -> Callable[[Callable[..., ScanLog]], Degradation]:
-    """Make a function a degradation; the arguments are the attributes of `Degradation`."""
+    """Decorator that makes a function a `Degradation` with these attributes."""
     return lambda apply: Degradation(apply, unit, levels, low, high, whole, needs)
 
 

@@ -1,4 +1,4 @@
-"""A poorer laser: slower, fewer beams, a narrower view, a mirror that takes its time."""
+"""A poorer laser: lower rate, fewer beams, narrower field of view, slower mirror."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from bench.sim.degrade.degradation import degradation
 from bench.sim.degrade.spells import at_rate, elapsed
 from slams.scanlog import ScanLog
 
-SHARP = 4.0  # scans in the time of one turn, at least, to put a turning laser's scan together from
+MIN_SCANS_PER_TURN = 4.0  # scans of the log, to compose a scan of a turning laser
 
 
 @degradation("Hz", (5, 3, 2, 1, 0.5, 0.25), 0.01, 1000)
 def rate(log: ScanLog, level: float) -> ScanLog:
-    """Scans a second; a log that has no more keeps them all.
+    """Scans per second; a slower log keeps all scans.
 
-    Those nearest to an even rate; wheels and gyro keep theirs.
+    The kept scans are those nearest to an even rate. Odometry and gyro do not change.
     """
     return log.rows(at_rate(log.t, level))
 
@@ -27,7 +27,7 @@ def rate(log: ScanLog, level: float) -> ScanLog:
 def beams(log: ScanLog, level: float) -> ScanLog:
     """Beams of a scan, evenly over the whole fan.
 
-    Every k-th beam, with the k that comes nearest to `level` beams.
+    Every k-th beam, with the k that gives the number nearest to `level`.
     """
     n = log.laser.n_beams
     if level >= n:
@@ -36,7 +36,7 @@ def beams(log: ScanLog, level: float) -> ScanLog:
         (math.floor(n / level), math.ceil(n / level)), key=lambda k: abs(_left(n, k) - level)
     )
     left = _left(n, every)
-    left -= left == level + 1  # a fence of that many panels has a post more
+    left -= left == level + 1  # a fan of n intervals has n + 1 beams
     first = (n - 1 - (left - 1) * every) // 2
     return _part(log, slice(first, first + (left - 1) * every + 1, every))
 
@@ -47,29 +47,28 @@ def fov(log: ScanLog, level: float) -> ScanLog:
     n, step = log.laser.n_beams, abs(log.laser.angle_increment)
     if step * (n - 1) <= math.radians(level):
         return log
-    most = math.floor(math.radians(level) / step + 1e-9) + 1
-    left = max(1, most - (n - most) % 2)  # as many on the one side as on the other
+    max_beams = math.floor(math.radians(level) / step + 1e-9) + 1
+    left = max(1, max_beams - (n - max_beams) % 2)  # removes as many beams on both sides
     first = (n - left) // 2
     return _part(log, slice(first, first + left))
 
 
 @degradation("Hz", (10, 5, 3, 2, 1), 0.01, 1000)
 def sweep(log: ScanLog, level: float) -> ScanLog:
-    """Turns a second of a mirror that measures beam after beam.
+    """Turns per second of a mirror that measures beam after beam.
 
-    Put together out of a faster log. Beam j is measured `j * time_increment` after the stamp,
-    the time the mirror needs to turn that far, and its reading is that of the scan nearest in
-    time. So nothing is computed, and no beam is off by more than half a period of the faster
-    log.
+    The scans are composed from a faster log. Beam j is measured `j * time_increment` after the
+    stamp, when the mirror reaches its angle. Its reading is that of the scan nearest in time, so
+    its time error is at most half a period of the faster log.
 
     Raises:
-        ValueError: the log is not fast enough for that.
+        ValueError: the scan rate of the log is too low.
     """
-    if log.scan_period * level * SHARP > 1.0 + 1e-6 or len(log) < 2:
+    if log.scan_period * level * MIN_SCANS_PER_TURN > 1.0 + 1e-6 or len(log) < 2:
         have = f"{1.0 / log.scan_period:.3g} Hz" if log.scan_period > 0.0 else "no rate"
         raise ValueError(
-            f"sweep: {level:g} turns a second are put together from scans at {SHARP * level:g} Hz"
-            f" or more, and this log has {have}; give a slower turn or a faster log"
+            f"sweep: {level:g} turns per second need scans at {MIN_SCANS_PER_TURN * level:g} Hz"
+            f" or more, and this log has {have}; give a lower level or a faster log"
         )
     laser, clock = log.laser, elapsed(log.t)
     per_beam = abs(laser.angle_increment) / (2.0 * math.pi * level)
@@ -85,7 +84,7 @@ def sweep(log: ScanLog, level: float) -> ScanLog:
 
 
 def _left(n: int, every: int) -> int:
-    """How many of n beams are left when every so many is kept."""
+    """Number of beams left if every k-th of n is kept."""
     return 1 + (n - 1) // every
 
 

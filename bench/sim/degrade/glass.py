@@ -1,4 +1,4 @@
-"""Walls that are of glass from place to place."""
+"""Walls of glass, in panes."""
 
 from __future__ import annotations
 
@@ -10,71 +10,71 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.sim.degrade.degradation import degradation
-from bench.sim.rays import ends_of, rays_of, true_poses
+from bench.sim.rays import SCANS_PER_BLOCK, ends_of, rays_of, true_poses
 from slams.scanlog import ScanLog
 from slams.types import Floats, Ranges
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-BLOCK = 200  # scans at once
-PANE = 1.0  # m, edge of a place that is glass as a whole
-PERIOD = 256  # places after which the draws repeat
-TILT = (math.pi / 8.0, 3.0 * math.pi / 8.0)  # rad, of the places against walls along x and y
-MIRROR = math.radians(8.0)  # incidence up to which a pane throws the light straight back
-SPAN = math.radians(3.0)  # to either side of a beam: where its wall's direction is read
+PANE_SIZE = 1.0  # m
+DRAW_PERIOD = 256  # panes after which the random draws repeat
+GRID_ROTATIONS = (math.pi / 8.0, 3.0 * math.pi / 8.0)  # rad, against walls along x and y
+MAX_MIRROR_INCIDENCE = math.radians(8.0)  # for a return by reflection
+DIRECTION_WINDOW = math.radians(3.0)  # on both sides of a beam, for the wall's direction
 
 
 @degradation("%", (20, 40, 60, 80, 100), 0, 100, needs=("truth",))
 def glass(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """Of the walls, in panes of about 1 m.
+    """Share of glass in the walls, in panes of about 1 m.
 
-    A place is glass from wherever it is seen. A beam that meets it sees nothing (inf: what lies
-    behind is not in the log), unless it meets it within 8 deg of the perpendicular.
+    A pane is glass from all viewpoints. A beam that meets it has no return (inf: the log does not
+    contain what lies behind), unless its incidence is within 8 deg of the perpendicular.
     """
-    places = _Places(rng)
+    panes = _Panes(rng)
     ranges = np.array(log.ranges)
-    for start in range(0, len(log), BLOCK):
-        block = slice(start, start + BLOCK)
+    for start in range(0, len(log), SCANS_PER_BLOCK):
+        block = slice(start, start + SCANS_PER_BLOCK)
         rays = rays_of(log.laser, true_poses(log, log.t[block]))
-        seen = np.where(np.isfinite(log.ranges[block]), log.ranges[block], np.nan)
-        ends = ends_of(rays, seen)
-        through = places.chance(ends) < 0.01 * level
-        through &= _incidence(log.ranges[block], log.laser.angle_increment) > MIRROR
+        hits = np.where(np.isfinite(log.ranges[block]), log.ranges[block], np.nan)
+        ends = ends_of(rays, hits)
+        through = panes.chance(ends) < 0.01 * level
+        through &= _incidence(log.ranges[block], log.laser.angle_increment) > MAX_MIRROR_INCIDENCE
         ranges[block][through] = np.inf
     return replace(log, ranges=ranges)
 
 
-class _Places:
-    """A grid of squares, askew to the walls so that none lies along a border, each with a draw."""
+class _Panes:
+    """A grid of squares, rotated against the walls, with a random draw for each square."""
 
     def __init__(self, rng: Generator) -> None:
-        tilt = float(rng.uniform(*TILT))
-        self.axes = np.array([[math.cos(tilt), -math.sin(tilt)], [math.sin(tilt), math.cos(tilt)]])
-        self.draws = rng.random((PERIOD, PERIOD))
+        angle = float(rng.uniform(*GRID_ROTATIONS))
+        c, s = math.cos(angle), math.sin(angle)
+        self.axes = np.array([[c, -s], [s, c]])
+        self.draws = rng.random((DRAW_PERIOD, DRAW_PERIOD))
 
     def chance(self, points: Floats) -> Floats:
-        """The draw (...) in [0, 1) of the place of each point (..., 2) [m]; 1 where not finite."""
+        """The draw (...) in [0, 1) of the pane of each point (..., 2) [m]; 1 where not finite."""
         known = np.isfinite(points).all(axis=-1)
-        cells = np.floor(points[known] @ self.axes / PANE).astype(np.int64) % PERIOD
+        cells = np.floor(points[known] @ self.axes / PANE_SIZE).astype(np.int64) % DRAW_PERIOD
         chance = np.ones(points.shape[:-1])
         chance[known] = self.draws[cells[:, 0], cells[:, 1]]
         return chance
 
 
 def _incidence(ranges: Ranges, increment: float) -> Floats:
-    """Angle (n, b) [rad] between each beam and the perpendicular of what it meets.
+    """Angle (n, b) [rad] between each beam and the perpendicular of its wall.
 
-    By the chord between the beams on either side; a right angle where these saw nothing.
+    The wall's direction is the chord between beams on both sides; a right angle without returns.
     """
     n_beams = ranges.shape[1]
     here = np.arange(n_beams)
-    reach = math.ceil(SPAN / abs(increment)) if increment else 0
+    reach = math.ceil(DIRECTION_WINDOW / abs(increment)) if increment else 0
     before, after = np.maximum(here - reach, 0), np.minimum(here + reach, n_beams - 1)
     a, b = ranges[:, before].astype(np.float64), ranges[:, after].astype(np.float64)
-    turn_a, turn_b = (before - here) * increment, (after - here) * increment
+    angle_a, angle_b = (before - here) * increment, (after - here) * increment
     with np.errstate(invalid="ignore"):
-        along = b * np.cos(turn_b) - a * np.cos(turn_a)
-        across = b * np.sin(turn_b) - a * np.sin(turn_a)
+        along = b * np.cos(angle_b) - a * np.cos(angle_a)
+        across = b * np.sin(angle_b) - a * np.sin(angle_a)
         angle: NDArray[np.float64] = np.arctan2(np.abs(along), np.abs(across))
     return np.where(np.isfinite(angle) & (before < after), angle, 0.5 * math.pi)

@@ -1,4 +1,4 @@
-"""Where somebody walks who keeps near a robot."""
+"""Paths of people who stay near a robot."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from slams.types import Floats, Ranges
 if TYPE_CHECKING:
     from numpy.random import Generator
 
-NEAR = 3.0  # m from the laser: the farthest goal
-WALL = 0.3  # m, kept from what the laser sees behind a goal
-LEFT_BEHIND = 5.0  # m from the laser: somebody else comes into view instead
+MAX_GOAL_DISTANCE = 3.0  # m from the laser
+GOAL_CLEARANCE = 0.3  # m from a goal to the wall behind it
+MAX_PERSON_DISTANCE = 5.0  # m from the laser; beyond, a new person replaces this one
 
 
 @njit(inner=True)
 def _goal(
-    sensor: Floats, ranges: Ranges, angles: Floats, least: float, rng: Generator
+    sensor: Floats, ranges: Ranges, angles: Floats, nearest: float, rng: Generator
 ) -> tuple[float, float]:
-    """A place (x, y) that the laser at sensor (3,) sees, `least` to 3 m away. ours: by chance."""
+    """A random place (x, y) that the laser at sensor (3,) observes, `nearest` to 3 m away. ours."""
     beam = math.floor(rng.random() * len(ranges))
-    most = NEAR
-    if ranges[beam] - WALL < most:  # nan is not
-        most = ranges[beam] - WALL
-    far = max(least, least + rng.random() * (most - least))
+    farthest = MAX_GOAL_DISTANCE
+    if ranges[beam] - GOAL_CLEARANCE < farthest:  # false for nan
+        farthest = ranges[beam] - GOAL_CLEARANCE
+    distance = max(nearest, nearest + rng.random() * (farthest - nearest))
     heading = sensor[2] + angles[beam]
-    return sensor[0] + far * math.cos(heading), sensor[1] + far * math.sin(heading)
+    return sensor[0] + distance * math.cos(heading), sensor[1] + distance * math.sin(heading)
 
 
 @njit
@@ -36,32 +36,32 @@ def stroll(
     ranges: Ranges,
     angles: Floats,
     strides: Floats,
-    least: float,
+    nearest: float,
     rng: Generator,
     out: Floats,
 ) -> None:
-    """Fill out (n, 2) [m] with where somebody is at each scan of a laser at sensors (n, 3).
+    """Fill out (n, 2) [m] with the positions of a person at each scan of a laser at sensors (n, 3).
 
-    ours: straight from goal to goal, each a place that the laser reaches by the readings ranges
-    (n, b) at angles (b,), stepping aside to keep `least` [m] off. `strides` (n,) [m] is how far
-    they get up to each scan. Whom the robot leaves behind goes home, and another comes.
+    ours: straight from goal to goal, each an observed place by ranges (n, b) at angles (b,), at
+    least `nearest` [m] from the laser. `strides` (n,) [m] are the distances walked before each
+    scan. A person far from the robot is replaced by another one.
     """
-    x, y = _goal(sensors[0], ranges[0], angles, least, rng)
+    x, y = _goal(sensors[0], ranges[0], angles, nearest, rng)
     gx, gy = x, y
     for i in range(len(out)):
         sx, sy = sensors[i, 0], sensors[i, 1]
-        if math.hypot(x - sx, y - sy) > LEFT_BEHIND:
-            x, y = _goal(sensors[i], ranges[i], angles, least, rng)
-        left = math.hypot(gx - x, gy - y)
-        if left <= strides[i] or math.hypot(gx - sx, gy - sy) > LEFT_BEHIND:
-            gx, gy = _goal(sensors[i], ranges[i], angles, least, rng)
-            left = math.hypot(gx - x, gy - y)
-        if left > 0.0:
-            share = min(1.0, strides[i] / left)
+        if math.hypot(x - sx, y - sy) > MAX_PERSON_DISTANCE:
+            x, y = _goal(sensors[i], ranges[i], angles, nearest, rng)
+        remaining = math.hypot(gx - x, gy - y)
+        if remaining <= strides[i] or math.hypot(gx - sx, gy - sy) > MAX_PERSON_DISTANCE:
+            gx, gy = _goal(sensors[i], ranges[i], angles, nearest, rng)
+            remaining = math.hypot(gx - x, gy - y)
+        if remaining > 0.0:
+            share = min(1.0, strides[i] / remaining)
             x += share * (gx - x)
             y += share * (gy - y)
-        away = math.hypot(x - sx, y - sy)
-        if 0.0 < away < least:
-            x = sx + (x - sx) * least / away
-            y = sy + (y - sy) * least / away
+        distance = math.hypot(x - sx, y - sy)
+        if 0.0 < distance < nearest:
+            x = sx + (x - sx) * nearest / distance
+            y = sy + (y - sy) * nearest / distance
         out[i, 0], out[i, 1] = x, y

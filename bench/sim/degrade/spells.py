@@ -1,4 +1,4 @@
-"""When something happens in a log whose stamps may jump back."""
+"""Times and spells of degradations, for logs whose stamps may jump back."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ if TYPE_CHECKING:
 
 Mask = NDArray[np.bool_]
 
-MIDDLE = (0.3, 0.7)  # of the time there is: where a mishap begins
+START_SHARES = (0.3, 0.7)  # of the log, between which a spell begins
 
 
 def elapsed(t: Floats) -> Floats:
-    """Time (n,) [s] since the first of the stamps t (n,), in their order; jumps back take none."""
+    """Time (n,) [s] since the first of the stamps t (n,); the clock stands still on jumps back."""
     return np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(t), 0.0))])
 
 
 def spell(t: Floats, seconds: float, rng: Generator) -> Mask:
-    """Which of the stamps t (n,) lie within `seconds` somewhere in the middle; never the first."""
+    """Mask (n,) of the stamps in a spell of `seconds` in the middle of the log; never the first."""
     clock = elapsed(t)
-    start = rng.uniform(*MIDDLE) * max(0.0, clock[-1] - seconds)
+    start = rng.uniform(*START_SHARES) * max(0.0, clock[-1] - seconds)
     within: Mask = (clock >= start) & (clock < start + seconds)
     within[0] = False
     return within
 
 
 def moment(t: Floats, rng: Generator) -> int:
-    """Index of a stamp somewhere in the middle of t (n,)."""
+    """Index of a random stamp in the middle of t (n,)."""
     clock = elapsed(t)
-    return int(np.searchsorted(clock, rng.uniform(*MIDDLE) * clock[-1]))
+    return int(np.searchsorted(clock, rng.uniform(*START_SHARES) * clock[-1]))
 
 
 def at_rate(t: Floats, hertz: float) -> NDArray[Any]:
-    """Indices of the stamps t (n,) nearest to an even rate; all where they are slower already."""
+    """Indices of the stamps t (n,) nearest to an even rate; all if they are slower."""
     clock = elapsed(t)
     half = 0.5 * float(np.median(np.diff(t))) if len(t) > 1 else 0.0
     tick = np.floor((clock + max(half, 0.0)) * hertz)

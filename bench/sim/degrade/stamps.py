@@ -1,4 +1,4 @@
-"""Trouble with time: scans missing or blind, a robot in a hurry, stamps that are not right."""
+"""Timing: missing or blind scans, a faster robot, wrong stamps."""
 
 from __future__ import annotations
 
@@ -20,18 +20,14 @@ if TYPE_CHECKING:
 def gap(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     """Scans missing in the middle.
 
-    Wheels and gyro go on where they have more. A log that is no longer than that keeps its
-    first scan.
+    Odometry and gyro continue. A log that is not longer keeps its first scan.
     """
     return log.rows(~spell(log.t, level, rng))
 
 
 @degradation("s", (1, 2, 3, 5, 8), 0, 3600)
 def blind(log: ScanLog, level: float, rng: Generator) -> ScanLog:
-    """In the middle the laser sees nothing.
-
-    The scans are there, all inf.
-    """
+    """Scans without returns, all inf, in the middle."""
     ranges = np.array(log.ranges)
     ranges[spell(log.t, level, rng)] = np.inf
     return replace(log, ranges=ranges)
@@ -39,10 +35,9 @@ def blind(log: ScanLog, level: float, rng: Generator) -> ScanLog:
 
 @degradation("x", (2, 3, 4, 6, 8, 12), 1, 100)
 def speed(log: ScanLog, level: float) -> ScanLog:
-    """Times as fast on the same way, under the same laser.
+    """Factor of the speed on the same path, with the same laser.
 
-    All stamps lie closer, turn rates are greater, and as the laser measures no more often than it
-    did, scans are left out.
+    Stamps are closer, turn rates are greater, and scans are left out to keep the scan rate.
     """
     start, period = float(log.t[0]), log.scan_period
     hurried = replace(
@@ -57,9 +52,9 @@ def speed(log: ScanLog, level: float) -> ScanLog:
 
 
 def _hurried(
-    track: TimeSeries | None, start: float, level: float, rate: float = 1.0
+    series: TimeSeries | None, start: float, level: float, rate: float = 1.0
 ) -> TimeSeries | None:
-    return track and TimeSeries(_sooner(track.t, start, level), rate * track.values)
+    return series and TimeSeries(_sooner(series.t, start, level), rate * series.values)
 
 
 def _sooner(t: Floats, start: float, level: float) -> Floats:
@@ -70,8 +65,8 @@ def _sooner(t: Floats, start: float, level: float) -> Floats:
 def jitter(log: ScanLog, level: float, rng: Generator) -> ScanLog:
     """Standard deviation of the scans' stamps.
 
-    Some jump back. Wheels and gyro keep theirs. The truth goes with the scans (one pose for
-    each), so that a pose is held against where its scan was measured.
+    Some stamps jump back. Odometry and gyro keep theirs. The ground truth moves with the scans (one
+    pose for each), so that errors refer to the true pose of the measurement.
     """
     t, truth = log.t + rng.normal(0.0, 1e-3 * level, len(log)), log.truth_at(log.t)
     if truth is None:
@@ -82,10 +77,7 @@ def jitter(log: ScanLog, level: float, rng: Generator) -> ScanLog:
 
 @degradation("ms", (50, 100, 200, 500, 1000), 0, 60000, needs=("odometry",))
 def lag(log: ScanLog, level: float) -> ScanLog:
-    """Scans stamped late against wheels and gyro.
-
-    The truth goes with them.
-    """
-    late = 1e-3 * level
-    truth = log.truth and TimeSeries(log.truth.t + late, log.truth.values)
-    return replace(log, t=log.t + late, truth=truth)
+    """Delay of the scans' stamps against odometry and gyro; the ground truth moves with them."""
+    delay = 1e-3 * level
+    truth = log.truth and TimeSeries(log.truth.t + delay, log.truth.values)
+    return replace(log, t=log.t + delay, truth=truth)
