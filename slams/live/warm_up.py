@@ -38,7 +38,7 @@ def warm_up(slam_class: type[Slam], params: Params) -> None:
 def _loop(scan: Scan) -> None:
     from slams.frontend.correlative import Window
     from slams.loops import PoseGraph
-    from slams.loops.matching import LocalMap, keyframe, read
+    from slams.loops.matching import LocalMap, keyframe, read_end_points
 
     key, graph = keyframe(scan, IDENTITY), PoseGraph()
     for _ in range(2):
@@ -47,5 +47,5 @@ def _loop(scan: Scan) -> None:
     graph.iterate()
     there = LocalMap([key], [IDENTITY])
     there.search(key.ends, Window(IDENTITY, 1.0, 0.1), 0.0)
-    there.fit(read(scan, IDENTITY)[0], IDENTITY)
-    there.agreement(key.ends, IDENTITY)
+    there.fit(read_end_points(scan, IDENTITY)[0], IDENTITY)
+    there.match_score(key.ends, IDENTITY)

@@ -163,7 +163,7 @@ def test_where_all_is_alike_a_search_looks_near_the_prior():
 def test_a_search_reaches_as_far_as_a_late_scan_may_be(aside, turned, found):
     """However sure the prior is: here of five centimeters and a twentieth of a radian."""
     true = Pose2(aside, 0.0, turned)
-    lookup = LocalMap([keyframe(scan_at(IDENTITY, LIDAR), IDENTITY)], [true])._lookup
+    lookup = LocalMap([keyframe(scan_at(IDENTITY, LIDAR), IDENTITY)], [true])._field
     walls = Map(
         lookup, lambda points, pose: 1.0 if pose_distance(points, pose, true) < 0.3 else 0.1
     )
