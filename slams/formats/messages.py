@@ -15,7 +15,7 @@ from slams.ros.attitude import ImuAttitude
 from slams.ros.messages import PATH, READ, TFS, Inertial, Record, decoder, pose_of, seconds
 from slams.scanlog import TimeSeries
 from slams.types import Floats
-from slams.validation import FAR
+from slams.validation import MAX_POSE_VALUE
 
 ZSTD = b"\x28\xb5\x2f\xfd"
 
@@ -104,7 +104,7 @@ class Messages:
         """Poses over time; what is not finite is left out."""
         stamps, rows = self.series(topic)
         values: Floats = np.array(rows, np.float64).reshape(-1, 3)
-        whole = np.all(np.abs(values) < FAR, axis=1)
+        whole = np.all(np.abs(values) < MAX_POSE_VALUE, axis=1)
         return TimeSeries(stamps[whole], values[whole]) if whole.any() else None
 
 
@@ -115,7 +115,7 @@ def tracks_of(
     imu = ImuAttitude(turned)
     stamped = [row._replace(sent=stamp) for stamp, row in zip(t.tolist(), rows, strict=True)]
     table = np.array([imu.push(row) for row in stamped]).reshape(-1, 4)
-    known = np.abs(table) < FAR  # nan is not
+    known = np.abs(table) < MAX_POSE_VALUE  # nan is not
     rated, tilted = table[known[:, 1]], table[known[:, 2:].all(axis=1)]
     rate = TimeSeries(rated[:, 0].copy(), rated[:, 1].copy()) if len(rated) else None
     tilt = TimeSeries(tilted[:, 0].copy(), tilted[:, 2:].copy()) if len(tilted) else None

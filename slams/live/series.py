@@ -14,7 +14,7 @@ import numpy as np
 
 from slams.live.estimate import LATE_IN_A_ROW
 from slams.types import Pose2, wrap_angle
-from slams.validation import LATEST, can_be
+from slams.validation import MAX_STAMP, is_plausible
 
 MAX_SAMPLES = 2000  # at least as many are kept: 10 s at 200 Hz
 MAX_SILENCE = 1.0  # [s] after the last sample; then no scan waits for the next
@@ -38,11 +38,11 @@ class Series:
 
     def push(self, t: float, *values: float) -> None:
         """Take a sample; one that no robot can have is left out."""
-        if not can_be(*values):
+        if not is_plausible(*values):
             return
         self.received = time.monotonic()
         self._late_in_a_row = self._late_in_a_row + 1 if self.t and t <= self.t[-1] else 0
-        if 0 < self._late_in_a_row <= LATE_IN_A_ROW or abs(t) >= LATEST:
+        if 0 < self._late_in_a_row <= LATE_IN_A_ROW or abs(t) >= MAX_STAMP:
             return
         if self._late_in_a_row:  # the clock was set back
             self.t.clear()

@@ -32,7 +32,7 @@ from slams.types import (
     Scan,
     Slam,
 )
-from slams.validation import LONGEST_SWEEP, can_be, check_laser, check_stamps, expect
+from slams.validation import MAX_SWEEP_TIME, check_laser, check_stamps, expect, is_plausible
 
 MAX_RESUME_GAP = 60.0  # [s] after a state's last scan in which wheels are taken to have counted on
 COUNTS = ("scans", "late", "repeated", "clock_set_back")
@@ -127,7 +127,7 @@ class LiveSlam:
             expect(len(odometry) == 3, "odometry", f"{len(odometry)} numbers", "x, y, theta")
         _, (ranges, geometry) = READ[SCAN](message)
         lasts = geometry.time_increment * geometry.n_beams
-        between = geometry.time_increment if 0.0 < lasts <= LONGEST_SWEEP else 0.0
+        between = geometry.time_increment if 0.0 < lasts <= MAX_SWEEP_TIME else 0.0
         laser = replace(geometry, mount=self._mount, time_increment=between)
         scan = Scan(
             seconds(message.header.stamp),
@@ -228,8 +228,8 @@ class LiveSlam:
         return replace(
             scan,
             laser=last.laser if last is not None and last.laser == scan.laser else scan.laser,
-            odometry=None if odometry is None or not can_be(*odometry) else odometry,
-            yaw=None if yaw is None or not can_be(yaw) else yaw,
+            odometry=None if odometry is None or not is_plausible(*odometry) else odometry,
+            yaw=None if yaw is None or not is_plausible(yaw) else yaw,
         )
 
     def _again(self, t: float) -> Estimate | None:

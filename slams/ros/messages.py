@@ -68,13 +68,13 @@ def decoder(ros1: bool) -> Callable[[bytes, str], Any]:
 
 def _sweep(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
     """Of several echoes the first of each beam; none means nothing up to range_max."""
-    from slams.laser_table import single
+    from slams.laser_table import as_float32
     from slams.types import Laser
 
     found = message.ranges
     if getattr(message, "__msgtype__", SCAN) == ECHOES:
         found = [beam.echoes[0] if len(beam.echoes) else math.inf for beam in found]
-    ranges = single(found).copy()
+    ranges = as_float32(found).copy()
     geometry = Laser(
         float(message.angle_min),
         float(message.angle_increment),

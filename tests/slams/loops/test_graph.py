@@ -127,9 +127,7 @@ def test_free_space_conflicts_lower_the_score():
     right = place.match_score(ends, true)
     assert right > 0.9
     assert place.match_score(0.6 * ends, true) < 0.0  # walls in front of walls
-    assert (
-        place.match_score(1.5 * ends, true) < 0.3
-    )  # hidden behind walls: neither inliers nor conflicts
+    assert place.match_score(1.5 * ends, true) < 0.3  # hidden behind walls: neither
 
 
 @pytest.mark.parametrize("step", [0.1, -0.1])

@@ -68,9 +68,7 @@ def test_loops_correct_the_poses_and_the_map_of_any_algorithm():
     assert ate(run.corrected, log) < 0.3 * ate(run.poses, log)
     drawn = np.array([pose for _, pose in slam.slam.inserted])
     off = np.hypot(*(slam.graph.poses[: len(drawn)] - drawn)[:, :2].T)
-    assert (
-        np.median(off) < 4.0 * MIN_CORRECTION
-    )  # the map is that of the poses, but for later loops
+    assert np.median(off) < 4.0 * MIN_CORRECTION  # the map has these poses, but for later loops
 
 
 def test_every_loop_is_where_the_truth_has_it():
