@@ -108,8 +108,8 @@ def _expect_confidence(slam: Slam, kind: str) -> None:
     if not isinstance(slam, Confident):
         return
     state, quality, covariance = slam.state, slam.quality, slam.covariance
-    known = typing.get_args(State)
-    _expect(state in known, f"state is {state!r}, expected one of {', '.join(known)}")
+    states = typing.get_args(State)
+    _expect(state in states, f"state is {state!r}, expected one of {', '.join(states)}")
     _expect(0.0 <= quality <= 1.0, f"quality is {quality}, expected 0 to 1 [scans: {kind}]")
     deviations = [float(covariance[i, i]) for i in range(3)]
     _expect(min(deviations) > 0.0, f"covariance has {deviations}, expected > 0 [scans: {kind}]")
@@ -179,9 +179,11 @@ def _maps_in_the_first_frame(entry: Entry) -> None:
     whole = p.ndim == 2 and p.size > 0 and p.dtype == np.float32
     _expect(whole, f"map().p is {p.dtype} {p.shape}, expected float32 (ny, nx) with cells")
     _expect(grid.resolution > 0.0, f"map().resolution is {grid.resolution}")
-    known = p[~np.isnan(p)]
-    _expect(known.size > 0, f"map() has no observed cell after {N_CHECK_SCANS} scans of a room")
-    _expect(known.min() >= 0.0 and known.max() <= 1.0, "map().p is not in 0..1 where observed")
+    observed = p[~np.isnan(p)]
+    _expect(observed.size > 0, f"map() has no observed cell after {N_CHECK_SCANS} scans of a room")
+    _expect(
+        observed.min() >= 0.0 and observed.max() <= 1.0, "map().p is not in 0..1 where observed"
+    )
     (x, y), (height, width) = grid.origin, p.shape
     inside = x < 0.0 < x + width * grid.resolution and y < 0.0 < y + height * grid.resolution
     _expect(inside, f"the first pose is not on the map: origin {grid.origin}, {width} x {height}")

@@ -250,8 +250,8 @@ def _slam_and_rest(
     from slams.state import store
 
     state = store.resume(arguments.resume_state, entry, params)
-    rest, known = store.rest_of(log, state.beside, arguments.every)
-    notes = [f"continues at scan {known} of {len(log)}"] if known else []
+    rest, first = store.rest_of(log, state.beside, arguments.every)
+    notes = [f"continues at scan {first} of {len(log)}"] if first else []
     return state.slam, rest, notes
 
 

@@ -70,9 +70,9 @@ class ScanLog:
     laser_of: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
-        t, shape = self.t, (len(self.t), max(laser.n_beams for laser in self.lasers))
+        t, expected = self.t, (len(self.t), max(laser.n_beams for laser in self.lasers))
         expect(t.ndim == 1 and len(t) > 0, "t", t.shape, "(n,) with n >= 1")
-        expect(self.ranges.shape == shape, "ranges", self.ranges.shape, f"{shape}")
+        expect(self.ranges.shape == expected, "ranges", self.ranges.shape, f"{expected}")
         check_stamps("t", t)
         for laser in self.lasers:
             check_laser(laser)
@@ -168,8 +168,8 @@ class ScanLog:
         expect(given == len(self.lasers), "laser", "no numbers", "that of each scan's laser")
         numbers = self.numbers
         expect(numbers.shape == self.t.shape, "laser", numbers.shape, f"{self.t.shape}")
-        known = bool(((numbers >= 0) & (numbers < len(self.lasers))).all())
-        expect(known, "laser", "numbers of no laser", f"0 to {len(self.lasers) - 1}")
+        valid = bool(((numbers >= 0) & (numbers < len(self.lasers))).all())
+        expect(valid, "laser", "numbers of no laser", f"0 to {len(self.lasers) - 1}")
 
     def _cleaned(self) -> Ranges:
         """The ranges by REP 117, with the limits of each scan's laser."""
