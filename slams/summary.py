@@ -37,7 +37,7 @@ NOTED_COUNTS = {
     "attitude_late_ms": "ms, about, of delay of the attitude",
     "collapsed": "times the maps of the particles exceeded max_tiles: all continued from the best",
 }
-MAX_CONFLICT_RATIO = 0.05  # of the scans; fewer may be due to a door that opened
+MAX_CONFLICTING_SCANS_RATIO = 0.05  # of the scans; fewer may be due to a door that opened
 VERSIONED_LIBRARIES = (
     "numpy",
     "numba",
@@ -188,7 +188,7 @@ def _notes(summary: dict[str, Any]) -> list[str]:
         f"laser {laser['laser']} sent no scan after {laser['last_s']:.1f} s"
         for laser in summary["silent_lasers"]
     ]
-    if report.get("in_conflict", 0) > MAX_CONFLICT_RATIO * summary["scans"]:
+    if report.get("in_conflict", 0) > MAX_CONFLICTING_SCANS_RATIO * summary["scans"]:
         causes = "people or dust" if report.get("leveled") else "people, dust, or a tilting laser"
         notes.append(f"{report['in_conflict']} scans conflict with free space of the map: {causes}")
     return ["note: " + "; ".join(notes)] if notes else []
