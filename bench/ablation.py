@@ -64,7 +64,7 @@ def _command(arguments: argparse.Namespace) -> int:
     if not arguments.quiet:
         files_made = f"{arguments.out}/: ablation.md, ablation.csv"
         sys.stdout.write(f"{lost}\n\n{text_table(made, arguments.algorithm)}\n\n{files_made}\n")
-    return cli.FAILED if all(trial["failed"] for trial in found.trials) else 0
+    return cli.EXIT_FAILED if all(trial["failed"] for trial in found.trials) else 0
 
 
 def rows_of(label: str) -> dict[str, str]:
@@ -73,11 +73,11 @@ def rows_of(label: str) -> dict[str, str]:
     Raises:
         LookupError: no such algorithm, or no switch.
     """
-    from slams.params import worded
+    from slams.params import setting_text
 
     params = single.params_of(label)
     switches = [name for name, spec in params.specs().items() if spec.switch]
-    others = {name: worded(not getattr(params, name)) for name in switches}
+    others = {name: setting_text(not getattr(params, name)) for name in switches}
     if not others:
         raise LookupError(
             f"{label}: has no switch, expected parameters declared with switch=True (slams.params)"

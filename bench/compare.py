@@ -48,7 +48,7 @@ def _command(arguments: argparse.Namespace) -> int:
         report = out / "report.html"
         more = f"The report: {report}; tables, figures and results.json beside it."
         sys.stdout.write(f"{text.terminal(comparison)}\n{more}\n")
-    return cli.FAILED if all(row["failed"] for row in comparison.rows) else 0
+    return cli.EXIT_FAILED if all(row["failed"] for row in comparison.rows) else 0
 
 
 def _others(

@@ -133,7 +133,7 @@ def _command(arguments: argparse.Namespace) -> int:
     if not arguments.quiet:
         screen = sweep_tables.terminal(analyzed, found.facts)
         sys.stdout.write(f"{screen}\n\n{place}/: report.html, sweep.json, tables\n")
-    return cli.FAILED if all(trial["failed"] for trial in found.trials) else 0
+    return cli.EXIT_FAILED if all(trial["failed"] for trial in found.trials) else 0
 
 
 def write(folder: Path, found: Sweep) -> Analysis:

@@ -6,8 +6,8 @@
     >>> for scan in log:
     ...     pose = slam.update(scan)
 
-The names below are imported when first used, so that `--help` starts at once and numba is loaded
-by the algorithm that needs it.
+The names below are imported at first use: `--help` starts at once, and only an algorithm that
+needs numba loads it.
 """
 
 from importlib import import_module
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-_NAMES = {
+_EXPORTS = {
     "formats.source": "load",
     "live.estimate": "Estimate",
     "live.slam": "LiveSlam",
@@ -45,13 +45,13 @@ _NAMES = {
     "state": "load_state",
     "types": "Laser OccupancyGrid Pose2 Scan Slam",
 }
-_HOME = {name: module for module, text in _NAMES.items() for name in text.split()}
+_MODULE_OF = {name: module for module, text in _EXPORTS.items() for name in text.split()}
 
-__all__ = [*_HOME]
+__all__ = [*_MODULE_OF]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module 'slams' has no attribute {name!r}")
-    value = globals()[name] = getattr(import_module(f"slams.{_HOME[name]}"), name)
+    value = globals()[name] = getattr(import_module(f"slams.{_MODULE_OF[name]}"), name)
     return value

@@ -1,4 +1,4 @@
-"""slams: the commands with a line each; `slams run ...` is `python -m slams.run ...`."""
+"""slams: lists all commands; `slams run ...` is `python -m slams.run ...`."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import sys
 from importlib import import_module
 
 from slams import __version__, cli
-from slams.params import nearest
-from slams.registry import IDEAS, names
+from slams.params import did_you_mean
+from slams.registry import DESCRIPTIONS, names
 
 PROGRAM = "slams"
-# known as text alone, as the algorithms are: slams is complete without bench
+# names of modules, imported when used: slams works without bench
 COMMANDS = {
     "info": "slams.info",
     "run": "slams.run",
@@ -28,7 +28,7 @@ COMMANDS = {
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run a command by its name; without one, list them. Returns the exit code."""
+    """Run the command that the first word names, or list all; returns the exit code."""
     words = sys.argv[1:] if argv is None else argv
     if not words or words[0] in ("-h", "--help"):
         sys.stdout.write(listed())
@@ -40,18 +40,18 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def listed() -> str:
-    """The commands and the algorithms with a line each."""
+    """A line for each command and each algorithm."""
     commands = {f"{PROGRAM} {name}": purpose(module) for name, module in COMMANDS.items()}
-    algorithms = {name: IDEAS.get(name, "of another package") for name in names()}
+    algorithms = {name: DESCRIPTIONS.get(name, "of another package") for name in names()}
     return (
         "Classic 2D laser SLAM algorithms, and the benchmark that compares them.\n\n"
         f"{_aligned(commands)}\n\nAlgorithms:\n\n{_aligned(algorithms)}\n\n"
-        f"{PROGRAM} COMMAND --help tells the rest of a command.\n"
+        f"{PROGRAM} COMMAND --help lists the options of a command.\n"
     )
 
 
 def purpose(module: str) -> str:
-    """What a command does: its module's first line, behind the colon."""
+    """What a command does: the first line of its module after the colon."""
     line = (import_module(module).__doc__ or "").partition("\n")[0]
     return line.partition(": ")[2].rstrip(".")
 
@@ -63,7 +63,7 @@ def _aligned(lines: dict[str, str]) -> str:
 
 def _command(name: str, words: list[str]) -> int:
     if name not in COMMANDS:
-        hint, known = nearest(name, COMMANDS), ", ".join(COMMANDS)
+        hint, known = did_you_mean(name, COMMANDS), ", ".join(COMMANDS)
         raise cli.RefusedError(f"unknown command {name!r}{hint} (known: {known})")
     code: int = import_module(COMMANDS[name]).main(words)
     return code

@@ -1,4 +1,4 @@
-"""Two baselines behind the same protocol: odometry alone, and kiss-icp on planar points."""
+"""Two baselines as `slams.types.Slam`: odometry alone, and kiss-icp on planar points."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 from slams.params import Params, param
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan
 
-KEY_STEP = 0.2  # m, rad: way or turn between two scans drawn into the map
+MIN_KEYFRAME_MOTION = 0.2  # m, rad between two scans that are drawn into the map
 
 
 @dataclass(frozen=True)
 class BaselineParams(Params):
-    """How a baseline's scans become a picture; the pose does not depend on it."""
+    """How the map of a baseline is drawn; the poses do not depend on it."""
 
     resolution: float = param(0.05, "m", "cell of the map", source="hector's", low=0.005)
 
@@ -29,27 +29,27 @@ def hits(scan: Scan) -> Floats:
 
 
 class HitMap:
-    """A map of end points alone: cells that were hit, the rest never observed.
+    """A map of end points: hit cells are occupied, all others unobserved.
 
-    Scans are kept and drawn when asked for: a baseline is timed for its poses.
+    Scans are kept and drawn on request, so that the CPU time of a baseline is that of its poses.
     """
 
     def __init__(self, params: BaselineParams) -> None:
         self.params = params
-        self._keys: list[tuple[Scan, Pose2]] = []
+        self._keyframes: list[tuple[Scan, Pose2]] = []
 
     def insert(self, scan: Scan, pose: Pose2) -> None:
-        """Keep a scan for the map, if the robot moved since the last one kept."""
-        if self._keys:
-            step = self._keys[-1][1].between(pose)
-            if math.hypot(step.x, step.y) < KEY_STEP and abs(step.theta) < KEY_STEP:
+        """Keep a scan for the map, if the robot has moved since the last kept scan."""
+        if self._keyframes:
+            step = self._keyframes[-1][1].between(pose)
+            if max(math.hypot(step.x, step.y), abs(step.theta)) < MIN_KEYFRAME_MOTION:
                 return
-        self._keys.append((scan, pose))
+        self._keyframes.append((scan, pose))
 
     def grid(self) -> OccupancyGrid:
         """Hit cells with p = 1, all others nan."""
         resolution = self.params.resolution
-        points = [pose.transform(hits(scan)) for scan, pose in self._keys]
+        points = [pose.transform(hits(scan)) for scan, pose in self._keyframes]
         cells = np.floor(np.concatenate([np.zeros((1, 2)), *points]) / resolution).astype(np.int64)
         low = cells.min(axis=0)
         width, height = cells.max(axis=0) - low + 1
@@ -60,7 +60,7 @@ class HitMap:
 
 
 class Odometry:
-    """The log's odometry from the first scan on; stands still where there is none."""
+    """The odometry from the first scan on; the pose stays constant without odometry."""
 
     Params: ClassVar[type[Params]] = BaselineParams
 
@@ -71,7 +71,7 @@ class Odometry:
         self._map = HitMap(params)
 
     def update(self, scan: Scan) -> Pose2:
-        """Compose the pose at the first odometry with the way since."""
+        """The motion of the odometry since its first pose."""
         if scan.odometry is not None:
             if self._start is None:
                 self._start = scan.odometry @ self._pose.inverse()
@@ -81,43 +81,42 @@ class Odometry:
         return self._pose
 
     def map(self) -> OccupancyGrid:
-        """End points drawn at the odometry's poses."""
+        """End points at the poses of the odometry."""
         return self._map.grid()
 
     def report(self) -> dict[str, Any]:
-        """How many scans came with odometry; none was looked at."""
+        """The number of scans with odometry; 0 scans were matched."""
         return {"odometry": self._used, "laser": 0}
 
 
-FINE_VOXEL, COARSE_VOXEL = 0.1, 0.3  # [m] for lasers with many beams and with few
-MAX_FINE_INCREMENT = math.radians(0.6)  # [rad] between two beams, up to where the fine one is taken
+FINE_VOXEL, COARSE_VOXEL = 0.1, 0.3  # m, for small and large beam spacing
+MAX_FINE_VOXEL_INCREMENT = math.radians(0.6)  # rad between beams; above it the coarse voxel
 
 
 @dataclass(frozen=True)
 class KissParams(BaselineParams):
-    """kiss-icp 1.3 set for indoor 2D scans; every value goes in explicitly.
+    """Parameters of kiss-icp 1.3 for indoor 2D scans; every value is set explicitly.
 
-    One voxel does not suit every laser, so the gap between the beams of the first scan chooses one
-    of two. On a simulated UTM-30LX (0.25 deg) the fine one has an ATE of 6 mm and the coarse one
-    22; of the same log every fourth beam (1 deg) the fine one 154 and the coarse one 20. Intel
-    (1 deg) the fine one loses at 4.3 m, the coarse one has 0.20 m. On simulated turning lasers
-    (1 deg) in a small arena the fine one would be better: an LDS-01 89 mm for 126, an LDS-02 40
-    for 56. CSAIL (0.5 deg, 5 Hz) it loses with every voxel from 0.05 to 1 m.
+    No voxel suits every laser: the beam spacing of the first scan selects one of two. ATE with the
+    fine and the coarse voxel: 6 and 22 mm on a simulated UTM-30LX (0.25 deg), 154 and 20 mm with
+    every fourth beam of the same log (1 deg), 4.3 and 0.20 m on Intel (1 deg), 89 and 126 mm on a
+    simulated LDS-01, 40 and 56 mm on an LDS-02 (1 deg, a small arena). CSAIL (0.5 deg, 5 Hz) fails
+    with every voxel from 0.05 to 1 m.
     """
 
     voxel: float = param(
         0.0,
         "m",
-        "voxel of the map, 0 = by the laser: 0.1 up to 0.6 deg between beams, else 0.3",
-        source="ours: fine ones lose sparse scans, coarse ones accuracy",
+        "voxel of the map; 0: 0.1 for beams up to 0.6 deg apart, else 0.3",
+        source="ours: sparse scans fail in small voxels, large ones are less accurate",
         low=0.0,
     )
 
 
 class Kiss:
-    """kiss-icp (Vizzo et al. 2023) on the scan's points at z = 0: laser only, one thread.
+    """kiss-icp (Vizzo et al. 2023), a 3D laser odometry, on the scan's points at z = 0.
 
-    A general laser odometry for 3D, set for planar scans by one of two voxels; not tuned further.
+    Laser only, one thread; the voxel is set for planar scans, nothing else is tuned.
     """
 
     Params: ClassVar[type[Params]] = KissParams
@@ -126,22 +125,22 @@ class Kiss:
         from kiss_icp.kiss_icp import KissICP
 
         self.params = params
-        self._new = KissICP
+        self._icp_class = KissICP
         self._icp: Any = None
         self._map = HitMap(params)
         self._pose = IDENTITY
         self._empty = 0
 
     def update(self, scan: Scan) -> Pose2:
-        """Register one frame; a scan without a return leaves the pose as it is."""
+        """Register one scan; without any return the pose stays unchanged."""
         points = hits(scan)
         if len(points) == 0:
             self._empty += 1
             return self._pose
         if self._icp is None:
-            sparse = abs(scan.laser.angle_increment) > MAX_FINE_INCREMENT
-            voxel = self.params.voxel or (COARSE_VOXEL if sparse else FINE_VOXEL)
-            self._icp = self._new(_kiss_config(voxel))
+            is_sparse = abs(scan.laser.angle_increment) > MAX_FINE_VOXEL_INCREMENT
+            voxel = self.params.voxel or (COARSE_VOXEL if is_sparse else FINE_VOXEL)
+            self._icp = self._icp_class(_kiss_config(voxel))
         frame = np.concatenate([points, np.zeros((len(points), 1))], axis=1)
         self._icp.register_frame(frame, np.zeros(len(points)))
         T = self._icp.last_pose
@@ -151,18 +150,18 @@ class Kiss:
         return self._pose
 
     def map(self) -> OccupancyGrid:
-        """End points drawn at kiss-icp's poses."""
+        """End points at the poses of kiss-icp."""
         return self._map.grid()
 
     def report(self) -> dict[str, Any]:
-        """How many scans had no return at all."""
+        """The number of scans without any return."""
         return {"empty": self._empty, "odometry": 0}
 
 
 def _kiss_config(voxel: float) -> Any:
-    """The whole configuration by hand: `KISSConfig()` would read environment variables.
+    """The complete configuration; `KISSConfig()` would read environment variables.
 
-    Five points in a voxel are enough in a plane; the thresholds of kiss-icp are for cars.
+    Five points in a voxel suffice in a plane. The thresholds of kiss-icp are for cars.
     """
     from kiss_icp.config import parser
 

@@ -1,6 +1,6 @@
 """slams check: does an algorithm keep the contract of `slams.types.Slam`?
 
-Some seconds and no files.
+It takes some seconds and writes no files.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ def parser() -> argparse.ArgumentParser:
     p = cli.Parser(
         prog="slams check",
         description="Check that an algorithm keeps the contract of slams.types.Slam.",
-        epilog="Prints a line per clause; exit code 0 if all hold, 1 if not.",
+        epilog="Prints a line per clause; exit code 0 if all hold, else 1.",
     )
     p.add_argument(
         "algorithm",
@@ -40,11 +40,11 @@ def _command(arguments: argparse.Namespace) -> int:
             text = f"ok      {name}" if sentence is None else f"FAILED  {name}: {sentence}"
             sys.stdout.write(f"  {text}\n")
             sys.stdout.flush()
-    return cli.FAILED if failed else 0
+    return cli.EXIT_FAILED if failed else 0
 
 
 def _all(label: str) -> list[Entry]:
-    """Every preset of a label that names none."""
+    """The entry of a label; of a label without a preset all presets."""
     entry = find(label)
     others = [] if "@" in label else entry.cls.Params.presets()[1:]
     return [entry, *(find(f"{label}@{preset}") for preset in others)]

@@ -1,4 +1,4 @@
-"""What the commands share: one thread, one sentence for bad input, log options, progress."""
+"""Shared by the commands: exit codes, messages about bad input, options of logs, progress."""
 
 from __future__ import annotations
 
@@ -16,37 +16,37 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 from slams.formats.options import SourceOptions
-from slams.params import LASERS
+from slams.params import LASER_MODELS
 from slams.registry import names
 from slams.validation import expect
 
 T = TypeVar("T")
 
-USAGE, FAILED, INTERRUPTED, TERMINATED = 2, 1, 130, 143
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+EXIT_REFUSED, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_TERMINATED = 2, 1, 130, 143
+THREAD_VARIABLES = tuple(f"{name}_NUM_THREADS" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA"))
 
 
 class RefusedError(Exception):
-    """Bad input, said in one sentence; ends a command with exit code 2."""
+    """Bad input, described in one sentence; ends a command with exit code 2."""
 
 
 class TerminatedError(BaseException):
-    """SIGTERM came; like `KeyboardInterrupt` nothing but the command itself catches it."""
+    """Raised by SIGTERM; like `KeyboardInterrupt` it is caught by the command only."""
 
 
 class Parser(argparse.ArgumentParser):
-    """Arguments that do not fit get one sentence; an option is known by its whole name alone."""
+    """Parser that reports an error in one sentence and takes no abbreviated options."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(allow_abbrev=False, **settings)
 
     def error(self, message: str) -> NoReturn:
-        """Refuse the arguments."""
+        """Raise `RefusedError`."""
         raise RefusedError(f"{message} (see {self.prog} --help)")
 
 
 def refusing(work: Callable[[], T]) -> T:
-    """Run a step that reads what the user gave; its errors become `RefusedError`."""
+    """Run a step that reads input of the user; its errors become `RefusedError`."""
     try:
         return work()
     except KeyError:
@@ -56,43 +56,43 @@ def refusing(work: Callable[[], T]) -> T:
 
 
 def sentence(error: BaseException) -> str:
-    """An exception in one line."""
+    """The message of an exception in one line."""
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
         return f"{error.filename}: {error.strerror.lower()}"
     return " ".join(str(error).split()) or type(error).__name__
 
 
 def run_command(program: str, command: Callable[[], int]) -> int:
-    """Exit code of a command: errors the user can act on become one line on stderr.
+    """Run a command and return its exit code; errors of the user become one line on stderr.
 
-    Every library uses one thread: CPU times mean little else. SIGTERM ends the command as Ctrl-C
-    does: its processes are ended, what is half-written is removed.
+    Every library uses one thread, so that CPU times can be compared. SIGTERM ends the command as
+    Ctrl-C does: its processes are ended, and incomplete files are removed.
     """
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    _settle_output()
-    _reach_own_modules()
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+    _prepare_output()
+    _add_working_folder()
     try:
-        with _heeding_termination():
+        with _raising_on_sigterm():
             return command()
     except RefusedError as refused:
-        return _say(program, str(refused), USAGE)
+        return _say(program, str(refused), EXIT_REFUSED)
     except RuntimeError as error:
-        return _say(program, sentence(error), FAILED)
+        return _say(program, sentence(error), EXIT_FAILED)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FAILED
+        return EXIT_FAILED
     except KeyboardInterrupt:
-        return _say(program, "interrupted", INTERRUPTED)
+        return _say(program, "interrupted", EXIT_INTERRUPTED)
     except TerminatedError:
-        return _say(program, "terminated", TERMINATED)
+        return _say(program, "terminated", EXIT_TERMINATED)
 
 
 def main_of(
     parser: Callable[[], argparse.ArgumentParser], command: Callable[[argparse.Namespace], int]
 ) -> Callable[..., int]:
-    """The `main` of a command: runs it with the words behind its name; returns its exit code.
+    """The `main` of a command: it parses the words after the name and returns the exit code.
 
-    The arguments have these `words` and the name of the `program`, too.
+    The parsed arguments also contain these `words` and the name of the `program`.
     """
 
     def main(argv: list[str] | None = None) -> int:
@@ -109,9 +109,9 @@ def _terminate(*_: object) -> None:
 
 
 @contextmanager
-def _heeding_termination() -> Iterator[None]:
-    """The first SIGTERM raises `TerminatedError`; a second one ends the process on the spot."""
-    if threading.current_thread() is not threading.main_thread():  # signals are not for others
+def _raising_on_sigterm() -> Iterator[None]:
+    """The first SIGTERM raises `TerminatedError`; a second one ends the process at once."""
+    if threading.current_thread() is not threading.main_thread():  # it gets no signals
         yield
         return
 
@@ -122,17 +122,17 @@ def _heeding_termination() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def _settle_output() -> None:
-    """Names of files that are not UTF-8 are printed as they are; matplotlib does without a home."""
+def _prepare_output() -> None:
+    """Print file names that are not UTF-8 unchanged; silence matplotlib without a home folder."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="surrogateescape")
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 
-def _reach_own_modules() -> None:
-    """`mine:Icp` is found in the folder one is in, by the installed commands as by python -m.
+def _add_working_folder() -> None:
+    """Import `mine:Icp` from the working folder, as `python -m` does.
 
-    At the end of the path: nothing there takes the place of an installed package.
+    The folder comes last in the path, so that no file in it hides an installed package.
     """
     here = str(Path.cwd())
     if not sys.flags.safe_path and here not in sys.path:
@@ -140,11 +140,11 @@ def _reach_own_modules() -> None:
 
 
 def add_algorithm_options(parser: argparse.ArgumentParser) -> None:
-    """Give a command the algorithm and the options of its parameters, for `slams.run.chosen`."""
+    """Add the algorithm and the options of its parameters, for `slams.run.chosen`."""
     known = f"one of {', '.join(names())}; name@preset; or module:Class"
     parser.add_argument("algorithm", help=known)
     parser.add_argument(
-        "--sensor", metavar="NAME", help=f"parameters for this laser: {', '.join(LASERS)}"
+        "--sensor", metavar="NAME", help=f"parameters for this laser: {', '.join(LASER_MODELS)}"
     )
     parser.add_argument(
         "--ros-params",
@@ -179,7 +179,7 @@ def count(text: str) -> int:
 
 
 def add_selection_options(parser: argparse.ArgumentParser) -> None:
-    """Give a command the options of what it uses of a log, for `ScanLog.select`."""
+    """Add the options that select scans of a log, for `ScanLog.select`."""
     parser.add_argument(
         "--no-odometry", action="store_true", help="ignore the odometry and gyro of the log"
     )
@@ -190,18 +190,18 @@ def add_selection_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_log(parser: argparse.ArgumentParser, number: str = "+") -> None:
-    """Give a command the files of a recorded log, for `slams.load`, and the options of reading."""
+    """Add the files of a recorded log, for `slams.load`, and the options of reading it."""
     known = "scan log: npz, ROS bag (all files of a split one) or CARMEN log"
     parser.add_argument("log", nargs=number, help=known)
     add_log_options(parser)
 
 
 def add_log_options(parser: argparse.ArgumentParser) -> None:
-    """Give a command the options of what to take from a recorded log."""
+    """Add the options of reading a recorded log."""
     group = parser.add_argument_group(
         "reading a log",
-        "A log is an npz, a ROS 1 or ROS 2 bag or a CARMEN log; its content tells which. These "
-        "options are needed only where the log leaves a choice.",
+        "A log is an npz, a ROS 1 or ROS 2 bag or a CARMEN log, recognized by its content. These "
+        "options are needed only if the log is ambiguous.",
     )
     for option in fields(SourceOptions):
         if option.metadata:
@@ -209,7 +209,7 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
 
 
 def log_options(arguments: argparse.Namespace) -> SourceOptions:
-    """What the options of `add_log_options` say, for `slams.load`.
+    """The values of the options of `add_log_options`, for `slams.load`.
 
     Raises:
         ValueError: they choose an odometry that is ignored.
@@ -226,7 +226,7 @@ def assignment(text: str) -> tuple[str, str]:
     """Name and value of a `--set KEY=VALUE`.
 
     Raises:
-        ValueError: it has no "=".
+        ValueError: there is no "=".
     """
     key, equals, value = text.partition("=")
     expect(bool(equals), "--set", repr(text), "KEY=VALUE")
@@ -234,7 +234,7 @@ def assignment(text: str) -> tuple[str, str]:
 
 
 def show_notes(arguments: argparse.Namespace, notes: Iterable[str]) -> None:
-    """What a reader has to say about a log: a line each on stderr, unless -q was given."""
+    """Print the notes of a reader about a log on stderr, a line each, unless -q was given."""
     if not arguments.quiet:
         for note in notes:
             sys.stderr.write(f"{arguments.program}: note: {note}\n")
@@ -243,11 +243,11 @@ def show_notes(arguments: argparse.Namespace, notes: Iterable[str]) -> None:
 def progress(
     items: Iterable[T], total: int, what: str, quiet: bool, unit: str = "scan"
 ) -> Iterable[T]:
-    """The items, with a bar on stderr if that is a terminal."""
+    """The items, with a progress bar on stderr if that is a terminal."""
     from tqdm import tqdm
 
-    silent = quiet or not sys.stderr.isatty()
-    return tqdm(items, total=total, desc=what, unit=unit, disable=silent, leave=False)
+    disabled = quiet or not sys.stderr.isatty()
+    return tqdm(items, total=total, desc=what, unit=unit, disable=disabled, leave=False)
 
 
 def _say(program: str, message: str, code: int) -> int:

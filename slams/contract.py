@@ -1,4 +1,4 @@
-"""The contract of `slams.types.Slam`, clause by clause, over made-up scans of a small room."""
+"""Checks of the contract of `slams.types.Slam`, one a clause, on simulated scans of a room."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from slams.scanlog import ScanLog
 from slams.test_world import drive, laser, odd_scans, scan_at
 from slams.types import IDENTITY, Confident, OccupancyGrid, Pose2, Scan, Slam, State
 
-SHORT = 12  # scans, enough to map a part of the room
-FRAME_TOLERANCE = 1e-6  # rounding alone, m and rad
+N_CHECK_SCANS = 12  # of a log, enough to map a part of the room
+FRAME_TOLERANCE = 1e-6  # m, rad by which a pose may differ: rounding
 
-Clause = Callable[[Entry], None]  # raises BrokenContractError where it does not hold
+Clause = Callable[[Entry], None]  # raises BrokenContractError if the clause is broken
 
 
 class BrokenContractError(Exception):
-    """A clause that does not hold, in one sentence."""
+    """A broken clause, described in one sentence."""
 
 
 def broken(entry: Entry, clause: Clause) -> str | None:
-    """What is wrong, in one sentence; None if the clause holds."""
+    """The error in one sentence, or None if the clause holds."""
     try:
         clause(entry)
     except BrokenContractError as error:
         return str(error)
-    except Exception as error:  # whatever an algorithm of somebody else may raise
+    except Exception as error:  # an algorithm of a user may raise anything
         return _raised(error)
     return None
 
@@ -52,8 +52,8 @@ def _new(entry: Entry) -> Slam:
 
 
 def _log() -> ScanLog:
-    """Anew each time: an algorithm may write to what it is given."""
-    return drive(n=SHORT)
+    """A new log each time, as an algorithm may write to its scans."""
+    return drive(n=N_CHECK_SCANS)
 
 
 def _pose(slam: Slam, scan: Scan) -> tuple[float, ...]:
@@ -79,8 +79,8 @@ def _starts_at_the_origin(entry: Entry) -> None:
 def _stays_finite(entry: Entry) -> None:
     odd = {kind: [scan] for kind, scan in odd_scans().items()}
     odd["all"] = [scan for scans in odd.values() for scan in scans]
-    way = [Pose2(0.01 * k, 0.0, 0.0) for k in range(3)]
-    good = [scan_at(at, t=0.05 * k, odometry=at, yaw=0.0) for k, at in enumerate(way)]
+    poses = [Pose2(0.01 * k, 0.0, 0.0) for k in range(3)]
+    good = [scan_at(at, t=0.05 * k, odometry=at, yaw=0.0) for k, at in enumerate(poses)]
     for kind, scans in odd.items():
         streams = {"later": [*good, *scans, *good], "first": [*scans, *good], "alone": scans}
         for when, stream in streams.items():
@@ -104,12 +104,12 @@ def _expect_finite(entry: Entry, scans: list[Scan], kind: str) -> None:
 
 
 def _expect_confidence(slam: Slam, kind: str) -> None:
-    """What an algorithm says of its last pose, where it says anything."""
+    """State, quality and covariance of the last pose, if the algorithm has them."""
     if not isinstance(slam, Confident):
         return
     state, quality, covariance = slam.state, slam.quality, slam.covariance
-    known = typing.get_args(State)
-    _expect(state in known, f"state is {state!r}, expected one of {', '.join(known)}")
+    states = typing.get_args(State)
+    _expect(state in states, f"state is {state!r}, expected one of {', '.join(states)}")
     _expect(0.0 <= quality <= 1.0, f"quality is {quality}, expected 0 to 1 [scans: {kind}]")
     deviations = [float(covariance[i, i]) for i in range(3)]
     _expect(min(deviations) > 0.0, f"covariance has {deviations}, expected > 0 [scans: {kind}]")
@@ -160,7 +160,8 @@ def _takes_any_odom_frame(entry: Entry) -> None:
         ]
         worst = float(np.abs(np.array(_poses(_new(entry), moved)) - poses).max())
         _expect(
-            worst < FRAME_TOLERANCE, f"another odom frame moves a pose by {worst:.2g} (m or rad)"
+            worst < FRAME_TOLERANCE,
+            f"another odom frame moves a pose by {worst:.2g} (m or rad)",
         )
 
 
@@ -178,9 +179,11 @@ def _maps_in_the_first_frame(entry: Entry) -> None:
     whole = p.ndim == 2 and p.size > 0 and p.dtype == np.float32
     _expect(whole, f"map().p is {p.dtype} {p.shape}, expected float32 (ny, nx) with cells")
     _expect(grid.resolution > 0.0, f"map().resolution is {grid.resolution}")
-    known = p[~np.isnan(p)]
-    _expect(known.size > 0, f"map() has no observed cell after {SHORT} scans of a room")
-    _expect(known.min() >= 0.0 and known.max() <= 1.0, "map().p is not in 0..1 where observed")
+    observed = p[~np.isnan(p)]
+    _expect(observed.size > 0, f"map() has no observed cell after {N_CHECK_SCANS} scans of a room")
+    _expect(
+        observed.min() >= 0.0 and observed.max() <= 1.0, "map().p is not in 0..1 where observed"
+    )
     (x, y), (height, width) = grid.origin, p.shape
     inside = x < 0.0 < x + width * grid.resolution and y < 0.0 < y + height * grid.resolution
     _expect(inside, f"the first pose is not on the map: origin {grid.origin}, {width} x {height}")
@@ -189,12 +192,12 @@ def _maps_in_the_first_frame(entry: Entry) -> None:
 CLAUSES: dict[str, Clause] = {
     "0 it reports from the start": _reports_from_the_start,
     "1 the first pose is the origin": _starts_at_the_origin,
-    "2 every pose is finite, whatever comes": _stays_finite,
+    "2 every pose is finite, whatever the scans contain": _stays_finite,
     "3 nothing of a scan is written to": _writes_nothing,
     "4 same scans, same poses, bit for bit": _repeats,
-    "5 it runs without odometry and says what it used": _runs_without_odometry,
+    "5 it runs without odometry and reports what it used": _runs_without_odometry,
     "6 two instances do not disturb each other": _shares_nothing,
     "7 the odom frame is arbitrary": _takes_any_odom_frame,
     "8 a changing laser is handled": _takes_a_changing_laser,
-    "9 the map has what was seen, in the frame of the first scan": _maps_in_the_first_frame,
+    "9 the map has observed cells, in the frame of the first scan": _maps_in_the_first_frame,
 }

@@ -1,4 +1,4 @@
-"""slams convert LOG OUT.npz: a recorded log of any kind as a scan log npz."""
+"""slams convert LOG OUT.npz: convert a recorded log of any kind to a scan log npz."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
     p = cli.Parser(
         prog="slams convert",
-        description="Convert a recorded log to an npz, which loads fast and stands alone.",
+        description="Convert a recorded log to one npz file, which loads fast.",
     )
     p.add_argument("-q", "--quiet", action="store_true", help="print errors only")
     p.add_argument("--force", action="store_true", help="replace files that exist")

@@ -1,4 +1,4 @@
-"""slams info LOG: topics, frames, lasers, rates and gaps of a log, and what will be assumed."""
+"""slams info LOG: topics, frames, lasers, rates, gaps and assumptions about a log."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog, TimeSeries
     from slams.types import Floats, Laser
 
-GAP = 3.0  # periods without a message that count as a gap: two in a row are missing
+MIN_GAP_PERIODS = 3.0  # periods between two messages; more is a gap of two missing messages
 
 
 def parser() -> argparse.ArgumentParser:
@@ -29,7 +29,7 @@ def parser() -> argparse.ArgumentParser:
     p = cli.Parser(
         prog="slams info",
         description="Print what a recorded log contains, what the commands will assume where it "
-        "leaves something open, and which commands can use it.",
+        "is ambiguous, and which commands can use it.",
     )
     cli.add_log(p)
     return p
@@ -43,11 +43,11 @@ def _command(arguments: argparse.Namespace) -> int:
 
 
 def report(paths: list[Path], options: SourceOptions) -> Iterator[str]:
-    """The lines about a log, of which `paths` are the files.
+    """The lines about the log in the files `paths`.
 
     Raises:
         OSError: a file cannot be opened.
-        ValueError: it is no log, or damaged; one sentence.
+        ValueError: the log is damaged or no log; one sentence.
     """
     from slams.formats.carmen import laser_messages
     from slams.formats.kind import BAG_KINDS, kind_of
@@ -71,14 +71,14 @@ def report(paths: list[Path], options: SourceOptions) -> Iterator[str]:
             yield from _of_log(load(paths, replace(options, scan_topic=laser)))
         except DamagedError:
             raise
-        except ValueError as error:  # a choice is left open, or there are no scans
-            yield f"{laser or 'it'} cannot be used: {error}"
+        except ValueError as error:  # the log is ambiguous, or it has no scans
+            yield f"{laser or 'the log'} cannot be used: {error}"
     if len(lasers) > 1:
         yield f"{len(lasers)} lasers: --scan-topic picks one, or several (given for each)"
 
 
 def _of_bag(path: Path, topics: list[Topic], transforms: Transforms) -> Iterator[str]:
-    """Topics with their types, and frames as a tree."""
+    """Topics with their types, and the tree of frames."""
     yield f"{path.name}: {sum(topic.messages for topic in topics)} messages"
     width = max((len(topic.name) for topic in topics), default=0)
     for topic in topics:
@@ -89,7 +89,7 @@ def _of_bag(path: Path, topics: list[Topic], transforms: Transforms) -> Iterator
 
 
 def _of_log(log: ScanLog) -> Iterator[str]:
-    """The scans and tracks of one laser, the assumptions, the commands that can use them."""
+    """The scans and signals of a log, the assumptions, and the commands that can use it."""
     yield from described(log).split("\n")
     source = log.meta.get("source")
     if isinstance(source, dict) and "base_frame" in source:
@@ -109,22 +109,22 @@ def _of_log(log: ScanLog) -> Iterator[str]:
 
 
 def described(log: ScanLog) -> str:
-    """What is in a log, in a few lines."""
+    """The contents of a log in a few lines."""
     source = log.meta.get("source")
     lines = [
         f"{log.name}: {len(log)} scans of {log.laser.n_beams} beams, {_rate(log.t)}, "
         f"{float(log.t.max() - log.t.min()):.1f} s",
         *map(_laser, log.lasers),
     ]
-    for name, track in _tracks(log).items():
-        origin = source.get(name) if isinstance(source, dict) else None  # it is free text
+    for name, series in _signals(log).items():
+        origin = source.get(name) if isinstance(source, dict) else None  # free text
         named = f" from {origin}" if origin else ""
-        lines.append(f"{name.replace('_', ' ')}: {len(track.t)} stamps, {_rate(track.t)}{named}")
+        lines.append(f"{name.replace('_', ' ')}: {len(series.t)} stamps, {_rate(series.t)}{named}")
     return "\n".join(lines)
 
 
 def _laser(laser: Laser) -> str:
-    """Fan, limits and mount."""
+    """Field of view, range limits and mount of a laser."""
     fov = math.degrees(abs(laser.angle_increment) * (laser.n_beams - 1))
     return (
         f"laser: {fov:.0f} degrees, {laser.range_min:.2f} to {laser.range_max:.2f} m, mounted at "
@@ -132,9 +132,9 @@ def _laser(laser: Laser) -> str:
     )
 
 
-def _tracks(log: ScanLog) -> dict[str, TimeSeries]:
-    tracks = {"odometry": log.odom, "yaw_rate": log.yaw_rate, "truth": log.truth}
-    return {name: track for name, track in tracks.items() if track is not None}
+def _signals(log: ScanLog) -> dict[str, TimeSeries]:
+    signals = {"odometry": log.odom, "yaw_rate": log.yaw_rate, "truth": log.truth}
+    return {name: series for name, series in signals.items() if series is not None}
 
 
 def _rate(t: Floats) -> str:
@@ -146,7 +146,7 @@ def _rate(t: Floats) -> str:
 
 
 def _timing(log: ScanLog) -> Iterator[str]:
-    """How a scan is swept, gaps in scans and tracks, stamps that jump back, empty scans."""
+    """Time of a sweep, gaps of scans and signals, stamps that jump back, empty scans."""
     import numpy as np
 
     sweep = log.laser.time_increment * log.laser.n_beams
@@ -156,11 +156,11 @@ def _timing(log: ScanLog) -> Iterator[str]:
         else "taken as instantaneous, no time between beams is known"
     )
     yield f"each scan: {deskewed}"
-    series = {"scans": log.t} | {key: track.t for key, track in _tracks(log).items()}
-    for name, t in series.items():
+    stamps_of = {"scans": log.t} | {key: series.t for key, series in _signals(log).items()}
+    for name, t in stamps_of.items():
         stamps = np.unique(t)
         steps = np.diff(stamps)
-        gaps = int((steps > GAP * np.median(steps)).sum()) if len(steps) else 0
+        gaps = int((steps > MIN_GAP_PERIODS * np.median(steps)).sum()) if len(steps) else 0
         if gaps:
             longest = int(steps.argmax())
             yield (
@@ -168,7 +168,7 @@ def _timing(log: ScanLog) -> Iterator[str]:
                 f"after {stamps[longest] - stamps[0]:.1f} s"
             )
     if log.stamp_jumps:
-        yield f"{log.stamp_jumps} stamps jump back; the order in the log rules"
+        yield f"{log.stamp_jumps} stamps jump back; scans are used in the order of the log"
     empty = int((~np.isfinite(log.ranges).any(axis=1)).sum())
     if empty:
         yield f"{empty} scans have no return at all"

@@ -1,7 +1,7 @@
-"""The one place that imports numba.
+"""The only module that imports numba.
 
-Compiled kernels are cached on disk. numba's own check sees only the file a kernel stands in, not
-the kernels it calls in other files, so the cache folder carries a hash of all kernel sources.
+Compiled kernels are cached on disk. numba checks only the file of a kernel for changes, not those
+of the kernels it calls. The name of the cache folder therefore contains a hash of all kernel files.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from typing import Any, TypeVar, overload
 
 from slams.registry import BUILT_IN
 
-# fastmath without the nan and inf flags: scans are full of both
+# fastmath without its assumption that nothing is nan or inf: scans contain both
 FAST = frozenset({"contract", "reassoc", "nsz", "arcp", "afn"})
-ROOT = Path(__file__).resolve().parent.parent
-PRIVATE = 0o700
+SOURCE_ROOT = Path(__file__).resolve().parent.parent
+OWNER_ONLY_MODE = 0o700
 
 
-def kernel_files(root: Path = ROOT) -> list[Path]:
-    """The sources that compiled kernels are made of, in all packages and their subfolders."""
+def kernel_files(root: Path = SOURCE_ROOT) -> list[Path]:
+    """The source files of compiled kernels, in all packages and their subfolders."""
     packages = {"slams", "bench", *(target.partition(".")[0] for target in BUILT_IN.values())}
     return sorted(
         path
@@ -35,8 +35,8 @@ def kernel_files(root: Path = ROOT) -> list[Path]:
     )
 
 
-def fingerprint(root: Path = ROOT) -> str:
-    """A name that changes with the sources of the kernels."""
+def fingerprint(root: Path = SOURCE_ROOT) -> str:
+    """A hash of the sources of the kernels."""
     digest = hashlib.sha256()
     for path in kernel_files(root):
         digest.update(path.read_bytes())
@@ -44,38 +44,38 @@ def fingerprint(root: Path = ROOT) -> str:
 
 
 def _cache_folder() -> Path | None:
-    """A writable folder named after the kernels' sources, never the home folder; None: no cache."""
+    """A writable folder beside this file, or in the temp directory; None if there is none."""
     name = f"kernels-{fingerprint()}"
-    beside = Path(__file__).resolve().parent / "__pycache__" / name
+    folder = Path(__file__).resolve().parent / "__pycache__" / name
     try:
-        beside.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=beside):
-            return beside
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
     except OSError:
-        return _own_in_temp(name)
+        return _private_temp_folder(name)
 
 
-def _own_in_temp(name: str) -> Path | None:
-    """A folder in the temp directory that only this user can write; numba unpickles what is there.
+def _private_temp_folder(name: str) -> Path | None:
+    """A folder in the temp directory that only this user can write, as numba unpickles its files.
 
-    None where somebody else made one of that name, or where none can be made.
+    None if it cannot be made, or if another user has made a folder of that name.
     """
     user = os.getuid() if hasattr(os, "getuid") else 0
     try:
         folder = Path(tempfile.gettempdir()) / f"slams-{user}-{name}"
-        folder.mkdir(mode=PRIVATE, exist_ok=True)
+        folder.mkdir(mode=OWNER_ONLY_MODE, exist_ok=True)
         found = folder.lstat()
     except OSError:
         return None
-    private = stat.S_IMODE(found.st_mode) == PRIVATE and found.st_uid == user
-    # where there are no such modes, the temp directory itself is the user's
+    private = stat.S_IMODE(found.st_mode) == OWNER_ONLY_MODE and found.st_uid == user
+    # systems without such modes have a temp directory for each user
     own = stat.S_ISDIR(found.st_mode) and (private or not hasattr(os, "getuid"))
     return folder if own else None
 
 
 if "NUMBA_CACHE_DIR" not in os.environ and (folder := _cache_folder()) is not None:
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
-KEPT = "NUMBA_CACHE_DIR" in os.environ
+IS_CACHED = "NUMBA_CACHE_DIR" in os.environ
 
 import numba  # noqa: E402  (the cache folder must be set first)
 from numba.core import event  # noqa: E402
@@ -100,34 +100,34 @@ def njit(
 ) -> Any:
     """Compile lazily, cache on disk, release the GIL. Use bare or with `fastmath=FAST`.
 
-    A kernel that only kernels call is `inner`: neither a cache file of its own, as it stands in its
-    callers', nor an entry from Python is made, which take half of its compile time. One that
-    `borrows` neither makes nor returns an array: references to those it is given are not counted,
-    which in a kernel called for every beam with a few arrays takes longer than all else in it.
+    `inner`: only kernels call this kernel. It gets no cache file, as the files of its callers
+    contain it, and no entry point from Python. This halves its compile time. `borrows`: the kernel
+    neither makes nor returns an array. References to its arguments are then not counted, which
+    would dominate the run time of a small kernel that is called for every beam.
     """
     options: dict[str, Any] = {
         "nogil": True,
         "error_model": "numpy",
         "fastmath": set(fastmath) if fastmath else False,
-        "no_cfunc_wrapper": True,  # nobody calls kernels from C, and it costs a tenth to compile
-        "no_rewrites": True,  # of powers and sums of arrays, which no kernel has: a twentieth
+        "no_cfunc_wrapper": True,  # not called from C; saves a tenth of the compile time
+        "no_rewrites": True,  # of array expressions, which no kernel has; saves a twentieth
     }
 
-    if borrows and hasattr(DefaultOptions, "_nrt"):  # of numba's own: without it all is the same
+    if borrows and hasattr(DefaultOptions, "_nrt"):  # private to numba; results do not change
         options["_nrt"] = False
-    if inner and fastmath:  # else a kernel just compiled and one from the cache may sum otherwise
+    if inner and fastmath:  # else kernels from the cache may sum in another order
         options["forceinline"] = True
 
     def _decorate(function: Any) -> Any:
         if inner and not getattr(numba.config, "DISABLE_JIT", False):
             return InnerKernel(function, options)
-        return numba.njit(cache=KEPT and not inner, **options)(function)
+        return numba.njit(cache=IS_CACHED and not inner, **options)(function)
 
     return _decorate if function is None else _decorate(function)
 
 
 class InnerKernel(CPUDispatcher):
-    """A kernel that kernels call; for a call from Python, as tests make it, it is compiled anew."""
+    """A kernel that only kernels call; tests may call it from Python, where it is recompiled."""
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
         super().__init__(function, None, {"nopython": True, "no_cpython_wrapper": True, **options})
@@ -139,12 +139,12 @@ class InnerKernel(CPUDispatcher):
         return made
 
     def __call__(self, *args: Any) -> Any:
-        """From Python: by a twin that has an entry from there."""
+        """Call a copy of the kernel that has an entry point from Python."""
         return self._entry(*args)
 
 
 class CompileClock(event.Listener):
-    """Adds up the CPU seconds numba spends compiling while the clock is installed."""
+    """CPU seconds that numba spends compiling while this context is active."""
 
     def __init__(self) -> None:
         self.seconds = 0.0
@@ -152,13 +152,13 @@ class CompileClock(event.Listener):
         self._start = 0.0
 
     def on_start(self, event: Any) -> None:
-        """Called by numba as a compilation starts; they nest."""
+        """Called by numba at the start of a compilation; compilations may be nested."""
         if self._depth == 0:
             self._start = time.process_time()
         self._depth += 1
 
     def on_end(self, event: Any) -> None:
-        """Called by numba as a compilation ends."""
+        """Called by numba at the end of a compilation."""
         self._depth -= 1
         if self._depth == 0:
             self.seconds += time.process_time() - self._start

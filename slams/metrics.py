@@ -1,6 +1,6 @@
 """Errors of a trajectory against the truth: pure functions on arrays of poses (n, 3).
 
-A pose is x, y [m], theta [rad]. Translation and rotation are always apart.
+A pose is x, y [m], theta [rad]. Errors of translation and rotation are separate.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Indices = NDArray[np.int64]
 
 
 def between(a: Floats, b: Floats) -> Floats:
-    """Steps (n, 3) from poses a to poses b, seen from a: inverse(a) @ b."""
+    """Poses b (n, 3) in the frames of poses a (n, 3): inverse(a) @ b."""
     c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
     d = b - a
     columns = (c * d[:, 0] + s * d[:, 1], c * d[:, 1] - s * d[:, 0], wrap_angle(d[:, 2]))
@@ -24,7 +24,7 @@ def between(a: Floats, b: Floats) -> Floats:
 
 
 def from_first(poses: Floats) -> Floats:
-    """Poses (n, 3) seen from the first of them."""
+    """Poses (n, 3) in the frame of the first pose."""
     return between(np.repeat(poses[:1], len(poses), axis=0), poses)
 
 
@@ -33,8 +33,8 @@ def pair_errors(
 ) -> tuple[Floats, Floats]:
     """Error of the motion from pose `first` to pose `second`, in the body frame [Kuemmerle09].
 
-    inverse(true motion) @ estimated motion: its length (k,) [m] and turn [rad]. Needs no common
-    frame.
+    inverse(true motion) @ estimated motion: its distance (k,) [m] and rotation (k,) [rad]. The
+    trajectories need no common frame.
     """
     moved = between(estimate[first], estimate[second])
     true = between(truth[first], truth[second])
@@ -43,11 +43,11 @@ def pair_errors(
 
 
 def pairs_over_time(t: Floats, span: float) -> tuple[Indices, Indices]:
-    """Indices (k,), (k,) of the poses `span` seconds apart, for each that has such a partner.
+    """Indices (k,), (k,) of pairs of poses that are `span` seconds apart.
 
-    The partner is the pose whose stamp is nearest. One that is off by more than half the usual step
-    between stamps does not count, nor one off by a quarter of the span: a log of 5 Hz has no pairs
-    0.1 s apart. Stamps may jump back. A span of 0 is from each pose to the next, whatever the time.
+    The partner of a pose is the pose with the nearest stamp. It may miss the span by half the
+    median interval and by a quarter of the span: a log of 5 Hz has no pairs 0.1 s apart. Stamps may
+    jump back. A span of 0 pairs each pose with the next one.
     """
     if not span:
         first = np.arange(max(len(t) - 1, 0))
@@ -67,7 +67,7 @@ def pairs_over_time(t: Floats, span: float) -> tuple[Indices, Indices]:
 
 
 def align(estimate: Floats, truth: Floats) -> Pose2:
-    """The rigid motion that brings the estimate's positions closest to the truth's (Umeyama)."""
+    """The rigid motion that fits the estimated positions to the true ones best (Umeyama)."""
     p, q = estimate[:, :2], truth[:, :2]
     mean_p, mean_q = p.mean(axis=0), q.mean(axis=0)
     dp, dq = p - mean_p, q - mean_q
@@ -84,7 +84,7 @@ def ate(estimate: Floats, truth: Floats) -> float:
 
 
 def driven(poses: Floats) -> Floats:
-    """Meters driven (n,) along the path through the positions until each pose."""
+    """Path length (n,) [m] through the positions up to each pose."""
     steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
     return np.concatenate([[0.0], np.cumsum(steps)])
 

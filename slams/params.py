@@ -1,4 +1,4 @@
-"""Parameters with unit, meaning, source and bounds, and the presets made of them."""
+"""Parameters with unit, meaning, source and bounds, and presets of their values."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 UNITS = ("m", "rad", "s", "cell", "1", "m/s", "rad/s", "m/s^2", "rad/s^2", "Hz")
-# where nothing else is declared: of a count, of a length (no laser sees farther), of other numbers
-MOST, FARTHEST, GREATEST = 1e6, 1e3, 1e9
-SEEDS = 2.0**64
-LASERS = ("utm30lx", "rplidar-a1", "lds01", "lds02")
-WORDS = {"true": True, "false": False, "yes": True, "no": False, "1": True, "0": False}
-MAX_LASERS = 8  # of one robot, distinguished by mount; more are a mistake
+# bounds where none is declared: of counts, of lengths [m] (no laser has more range), of others
+MAX_COUNT, MAX_LENGTH, MAX_NUMBER = 1e6, 1e3, 1e9
+MAX_SEED = 2.0**64
+LASER_MODELS = ("utm30lx", "rplidar-a1", "lds01", "lds02")
+BOOL_WORDS = {"true": True, "false": False, "yes": True, "no": False, "1": True, "0": False}
+MAX_LASERS = 8  # of one robot, distinguished by their mounts; more mounts are an error
 
 
 @dataclass(frozen=True)
 class Spec:
-    """What is known of one parameter beside its value.
+    """The description of one parameter.
 
     Attributes:
         unit: one of `UNITS`; "1" for counts, ratios, switches and names.
         meaning: one line for `--show-params` and the README.
         source: paper table or section, "original code", or "ours: reason".
         low: least value allowed.
-        high: greatest value allowed; without it `MOST` for counts, `FARTHEST` for lengths,
-            `GREATEST` for other numbers.
-        choices: the words allowed, for a text parameter.
+        high: greatest value allowed; default: `MAX_COUNT` for counts, `MAX_LENGTH` for lengths,
+            `MAX_NUMBER` for other numbers.
+        choices: the values allowed, for a text parameter.
         ros: names of the same parameter in the original ROS package.
-        switch: whether it turns a mechanism on and off: what `bench.ablation` tries without.
+        switch: whether it turns a mechanism on and off; `bench.ablation` measures without it.
     """
 
     unit: str
@@ -45,8 +45,8 @@ class Spec:
     switch: bool = False
 
     def bounds(self, kind: type) -> tuple[float, float]:
-        """Least and greatest value of a number; not declared: what any run could still hold."""
-        most = MOST if kind is int else FARTHEST if self.unit == "m" else GREATEST
+        """Least and greatest value of a number; undeclared bounds are those of its kind."""
+        most = MAX_COUNT if kind is int else MAX_LENGTH if self.unit == "m" else MAX_NUMBER
         return -most if self.low is None else self.low, most if self.high is None else self.high
 
 
@@ -62,7 +62,7 @@ def param(
     ros: Sequence[str] = (),
     switch: bool = False,
 ) -> Any:
-    """Declare one field of a `Params` class: its default, and as in `Spec` what is known of it."""
+    """Declare one field of a `Params` class: its default and the attributes of its `Spec`."""
     if unit not in UNITS:
         raise ValueError(f"unit {unit!r} is not one of {', '.join(UNITS)}")
     if switch and not isinstance(default, bool):
@@ -73,20 +73,20 @@ def param(
 
 @dataclass(frozen=True)
 class RosNames:
-    """What the parameters of the original's ROS node mean here, beside the fields' `ros=` names.
+    """How to read the parameters of the original's ROS node, in addition to the `ros=` names.
 
-    Every mapping but `words` and `defaults` has ROS names as keys and one sentence as value.
+    The mappings have ROS names as keys and, except `words` and `defaults`, a sentence as value.
 
     Attributes:
         package: the ROS package.
-        nodes: names its node goes by: executables and what launch files call them.
+        nodes: names of its node: executables, and names in launch files.
         units: ROS names in another unit than the field: "deg", "sin" of an angle, "cell".
-        cell: the field with the edge of a cell, for the unit "cell".
+        cell: the field with the cell size, for the unit "cell".
         words: ROS values -> values of the field; None leaves the field as it is.
-        original_only: names only the preset `original` takes; why this class does not.
-        ignored: names that change nothing here, and why.
-        refused: names that must keep a value, that value, and what to do instead.
-        defaults: values the node has for names that nobody sets, where `original` has others.
+        original_only: names that only the preset `original` uses; the reason.
+        ignored: names that change nothing here; the reason.
+        refused: names that must keep a value; that value, and what to do instead.
+        defaults: default values of the node that differ from those of `original`.
     """
 
     package: str
@@ -102,11 +102,11 @@ class RosNames:
 
 @dataclass(frozen=True)
 class Params:
-    """Base of every algorithm's parameters: checks values, knows presets, prints its table.
+    """Base of every algorithm's parameters: checked values, presets, and a table of them.
 
-    A preset is a mapping of field names to the values that differ from the defaults, or, where it
-    is another program with parameters of its own, that program's class as text, "module:Class". A
-    sensor's values go on top of any preset.
+    A preset maps field names to the values that differ from the defaults. A preset that is another
+    program, with parameters of its own, is the class of that program as text, "module:Class". The
+    values for a sensor override those of any preset.
     """
 
     PRESETS: ClassVar[Mapping[str, Mapping[str, Any] | str]] = {}
@@ -119,7 +119,7 @@ class Params:
         "seed of every random draw",
         source="ours: same input, same output",
         low=0,
-        high=SEEDS,
+        high=MAX_SEED,
     )
 
     def __post_init__(self) -> None:
@@ -130,7 +130,7 @@ class Params:
 
     @classmethod
     def specs(cls) -> dict[str, Spec]:
-        """Every parameter's name with its unit, meaning, source and bounds."""
+        """The `Spec` of every parameter by name."""
         return {f.name: f.metadata["spec"] for f in dataclasses.fields(cls)}
 
     @classmethod
@@ -140,11 +140,11 @@ class Params:
 
     @classmethod
     def preset(cls, name: str = "default") -> Self:
-        """The parameters of a preset that is one of this class.
+        """The parameters of a preset of this class.
 
         Raises:
-            LookupError: there is no preset of that name, or it is a class of its own, which
-                `slams.find("name@preset")` has.
+            LookupError: there is no such preset, or it is a class of its own, which
+                `slams.find("name@preset")` returns.
         """
         if name != "default" and name not in cls.PRESETS:
             raise LookupError(
@@ -159,14 +159,14 @@ class Params:
         return cls().replace(**changes)
 
     def for_sensor(self, name: str) -> Self:
-        """A copy with what has to change for a laser of `LASERS`.
+        """A copy with the values for a laser of `LASER_MODELS`.
 
         Raises:
             LookupError: no such laser.
         """
-        known = dict.fromkeys([*LASERS, *self.SENSORS])
+        known = dict.fromkeys([*LASER_MODELS, *self.SENSORS])
         if name not in known:
-            hint = nearest(name.lower(), known)
+            hint = did_you_mean(name.lower(), known)
             raise LookupError(f"unknown sensor {name!r}{hint} (known: {', '.join(known)})")
         return self.replace(**self.SENSORS.get(name, {}))
 
@@ -174,13 +174,13 @@ class Params:
         """A copy with some values changed; text is read as the parameter's type.
 
         Raises:
-            LookupError: no such parameter (the nearest name is given).
+            LookupError: there is no such parameter; the message has the nearest name.
             ValueError: the value has the wrong type or is out of bounds.
         """
         known = self.specs()
         for name in changes:
             if name not in known:
-                hint = f"{nearest(name, known)} (--show-params lists all)"
+                hint = f"{did_you_mean(name, known)} (--show-params lists all)"
                 raise LookupError(f"unknown parameter {name!r}{hint}")
         return dataclasses.replace(self, **changes)
 
@@ -189,7 +189,7 @@ class Params:
 
         Raises:
             OSError: the file cannot be read.
-            ValueError: it is not YAML, not a mapping, or nested too deeply.
+            ValueError: the file is not YAML, not a mapping, or nested too deeply.
         """
         from slams.formats import yaml_file
 
@@ -209,23 +209,23 @@ class Params:
         rows = []
         for name, spec in self.specs().items():
             value = getattr(self, name)
-            rows.append((name, worded(value), spec.unit, spec.meaning, spec.source))
+            rows.append((name, setting_text(value), spec.unit, spec.meaning, spec.source))
         return rows
 
 
-def worded(value: Any) -> str:
-    """A parameter's value as --set takes it."""
+def setting_text(value: Any) -> str:
+    """The value of a parameter as text for --set."""
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """The known name that a wrong one may stand for, as the end of a sentence, or nothing."""
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.4)
-    return f"; did you mean {near[0]!r}?" if near else ""
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """The known name nearest to an unknown one, as the end of a sentence, or an empty text."""
+    names = difflib.get_close_matches(name, list(known), n=1, cutoff=0.4)
+    return f"; did you mean {names[0]!r}?" if names else ""
 
 
 def _checked(field: dataclasses.Field[Any], kind: type, value: Any) -> Any:
-    """`value` as `kind`, or one clear sentence."""
+    """`value` as `kind`, or a ValueError of one sentence."""
     spec: Spec = field.metadata["spec"]
     try:
         value = _converted(kind, value)
@@ -244,9 +244,9 @@ def _checked(field: dataclasses.Field[Any], kind: type, value: Any) -> Any:
 
 def _converted(kind: type, value: Any) -> Any:
     if kind is bool and isinstance(value, str):
-        value = WORDS.get(value.lower(), value)
-    counts = kind in (int, float)  # True and False are ints to Python, and none of these
-    if isinstance(value, bool) if counts else not isinstance(value, kind):
+        value = BOOL_WORDS.get(value.lower(), value)
+    is_number = kind in (int, float)  # Python counts True and False as int
+    if isinstance(value, bool) if is_number else not isinstance(value, kind):
         raise TypeError
     if kind is int and isinstance(value, float) and not value.is_integer():
         raise ValueError

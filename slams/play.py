@@ -1,4 +1,4 @@
-"""slams play: publish a log as a robot would, so that all can be tried on one machine."""
+"""slams play: publish a log by ROS 2 in real time, as a robot would."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def parser() -> argparse.ArgumentParser:
         type=float,
         default=5.0,
         metavar="S",
-        help="wait at most so long for a subscriber [s] (default: %(default)g)",
+        help="longest time to wait for a subscriber [s] (default: %(default)g)",
     )
     p.add_argument("-q", "--quiet", action="store_true", help="print no notes and no progress")
     cli.add_log(p)
@@ -47,12 +47,12 @@ def parser() -> argparse.ArgumentParser:
 def _command(arguments: argparse.Namespace) -> int:
     log = cli.refusing(lambda: _log(arguments))
     cli.show_notes(arguments, log.notes)
-    ending = threading.Event()
+    stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ending.set())
+        signal.signal(number, lambda *_: stop.set())
     transport = cli.refusing(lambda: transport_of(arguments))
     try:
-        sent = _play(log, transport, arguments, ending)
+        sent = _play(log, transport, arguments, stop)
     finally:
         transport.close()
     if not arguments.quiet:
@@ -71,24 +71,24 @@ def _log(arguments: argparse.Namespace) -> ScanLog:
 
 
 def _play(
-    log: ScanLog, transport: Transport, arguments: argparse.Namespace, ending: threading.Event
+    log: ScanLog, transport: Transport, arguments: argparse.Namespace, stop: threading.Event
 ) -> int:
-    """Publish the log; returns how many scans."""
+    """Publish the log; returns the number of scans."""
     from slams.live.robot import DELIVERY_TIME, Robot
 
     robot = cli.refusing(lambda: Robot(log, transport, topic_names(arguments.remap)))
     transport.listen()
-    if not robot.await_subscriber(arguments.wait_for_subscriber, ending):
-        cli.show_notes(arguments, ["nobody listens to the scans yet; they are sent all the same"])
+    if not robot.await_subscriber(arguments.wait_for_subscriber, stop):
+        cli.show_notes(arguments, ["no subscriber to the scans yet; they are published anyway"])
     gc.collect()
-    gc.freeze()  # a search for garbage among all scans would hold them up
+    gc.freeze()  # garbage collection over all scans would delay messages
     sent, start = 0, time.monotonic()
     for due in cli.progress(robot.schedule, len(robot.schedule), "playing", arguments.quiet, ""):
-        if ending.wait(start + due.t / arguments.rate - time.monotonic()):
+        if stop.wait(start + due.t / arguments.rate - time.monotonic()):
             break
         robot.send(due)
         sent += due.topic == "/scan"
-    ending.wait(DELIVERY_TIME)
+    stop.wait(DELIVERY_TIME)
     return sent
 
 

@@ -1,4 +1,4 @@
-"""The only loop over a log."""
+"""The loop over the scans of a log, and its result."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 from slams.params import Params
 from slams.types import Corrected, Floats, Scan, Slam
 
-WARM_UP_SCANS = 4  # until every kernel of a usual scan is loaded
+WARM_UP_SCANS = 4  # after so many all kernels that a typical scan needs are loaded
 
 
 @dataclass(frozen=True)
 class Run:
-    """What came out of one replay.
+    """The result of one replay.
 
-    `t` (n,) [s]; `poses` (n, 3) x, y [m], theta [rad] in the map frame; `seconds` (n,) CPU time of
-    each update, compilation taken out; `compile_s` CPU seconds that compilation took meanwhile;
-    `report` the algorithm's own counts; `says_lost` (n,) the scans after which it called itself
-    lost; `corrected` (n, 3) the poses as they are known at the end, of one that closes loops.
+    `t` (n,) [s]; `poses` (n, 3) x, y [m], theta [rad] in the map frame, each after its update;
+    `seconds` (n,) CPU time of each update without compilation; `compile_s` CPU seconds of
+    compilation; `report` of the algorithm; `says_lost` (n,) scans after which it reported to be
+    lost; `corrected` (n, 3) poses at the end, if the algorithm closes loops.
     """
 
     t: Floats
@@ -41,21 +41,21 @@ class Run:
 
     @property
     def final(self) -> Floats:
-        """The poses (n, 3) as they are known at the end: corrected where loops were closed."""
+        """The poses (n, 3) at the end: corrected by loops, if the algorithm closes them."""
         return self.poses if self.corrected is None else self.corrected
 
 
 def replay(slam: Slam, scans: Iterable[Scan]) -> Run:
-    """Feed every scan, in order, to `slam` and time each update, not what brings the scans.
+    """Give every scan in order to `slam`, and measure the CPU time of each update.
 
     Raises:
-        RuntimeError: the algorithm broke its contract (a pose that is not finite).
+        RuntimeError: the algorithm broke its contract: a pose is not finite.
     """
     from slams.jit import CompileClock
 
     t, poses, seconds = [], [], []
     lost = [int(slam.report().get("lost", 0))]
-    with CompileClock() as compiling, _settled_memory():
+    with CompileClock() as compiling, _frozen_objects():
         for scan in scans:
             compiled, start = compiling.seconds, time.process_time()
             poses.append(slam.update(scan))
@@ -78,9 +78,9 @@ def replay(slam: Slam, scans: Iterable[Scan]) -> Run:
 
 
 @contextmanager
-def _settled_memory() -> Iterator[None]:
-    """Spare the scans the search for garbage among all that was loaded before: 40 ms each time."""
-    if gc.get_freeze_count():  # the caller did, for many runs
+def _frozen_objects() -> Iterator[None]:
+    """Exclude all present objects from garbage collection, which takes 40 ms for them."""
+    if gc.get_freeze_count():  # the caller has done so, for many runs
         yield
         return
     gc.collect()
@@ -92,7 +92,7 @@ def _settled_memory() -> Iterator[None]:
 
 
 def warm_up(slam_class: type[Slam], params: Params, scans: Iterable[Scan]) -> float:
-    """CPU seconds until a throw-away instance has seen a few scans: its kernels load or compile."""
+    """CPU seconds of a few scans on a temporary instance, which loads or compiles its kernels."""
     start = time.process_time()
     slam = slam_class(params)
     for scan in scans:

@@ -1,8 +1,8 @@
-"""Names of algorithms -> their classes. Algorithms are known here only as text.
+"""Classes of algorithms by name; no algorithm is imported before it is used.
 
 A name is a built-in ("hector"), an entry point of the group `slams.algorithms`, or the path
-"module:Class"; "name@preset" picks a preset: other values of the class's parameters, or a class of
-its own, as its `Params.PRESETS` says. "+loops" behind it adds a pose graph that closes loops.
+"module:Class". "name@preset" selects a preset of its `Params.PRESETS`: other values of the
+parameters, or another class. The suffix "+loops" adds a pose graph that closes loops.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ import importlib
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from slams.params import Params, nearest
+from slams.params import Params, did_you_mean
 
 if TYPE_CHECKING:
     from slams.types import Slam
 
-GROUP = "slams.algorithms"
-LOOPS = "+loops"
+ENTRY_POINT_GROUP = "slams.algorithms"
+LOOPS_SUFFIX = "+loops"
 
-ALGORITHMS = {  # class, and idea in about five words for lists; its package's README tells the rest
+ALGORITHMS = {  # class, and idea in about five words; details are in the README of the package
     "hector": ("hector.slam:Hector", "gradient matching on grid pyramids"),
     "tsd": ("tsd.slam:Tsd", "registration against signed distance field"),
     "crsm": ("crsm.slam:Crsm", "few critical rays, hill climbing"),
@@ -28,15 +28,15 @@ ALGORITHMS = {  # class, and idea in about five words for lists; its package's R
     "kiss": ("slams.baselines:Kiss", "baseline: laser odometry, voxel map"),
 }
 BUILT_IN = {name: target for name, (target, _) in ALGORITHMS.items()}
-IDEAS = {name: idea for name, (_, idea) in ALGORITHMS.items()}
+DESCRIPTIONS = {name: idea for name, (_, idea) in ALGORITHMS.items()}
 
 BASELINES = ("odometry", "kiss")
 
 
 class Entry(NamedTuple):
-    """One way to run one algorithm: label as the user wrote it, class, preset's name.
+    """An algorithm to run: its label as given by the user, its class, the name of the preset.
 
-    A class that is a preset has that one as its default.
+    If the preset is a class of its own, its parameters are the defaults of that class.
     """
 
     label: str
@@ -51,7 +51,7 @@ class Entry(NamedTuple):
 
 def names() -> list[str]:
     """Every registered name, built-ins first."""
-    plugins = sorted(point.name for point in entry_points(group=GROUP))
+    plugins = sorted(point.name for point in entry_points(group=ENTRY_POINT_GROUP))
     return [*BUILT_IN, *(name for name in plugins if name not in BUILT_IN)]
 
 
@@ -60,10 +60,10 @@ def find(label: str) -> Entry:
 
     Raises:
         LookupError: no such name, module, class or preset.
-        TypeError: what was found is not a Slam, or lacks what loops need.
+        TypeError: the object is not a Slam, or it lacks the hooks that loops need.
     """
-    if LOOPS in label:
-        entry = find(label.replace(LOOPS, "", 1))
+    if LOOPS_SUFFIX in label:
+        entry = find(label.replace(LOOPS_SUFFIX, "", 1))
         looped = importlib.import_module("slams.loops").looped
         return Entry(label, looped(entry.cls), entry.preset)
     name, _, preset = label.partition("@")
@@ -82,9 +82,9 @@ def create(label: str, **changes: Any) -> Slam:
 
 
 def label_of(cls: type[Any]) -> str:
-    """The label that `find` has a class under: a name, "name@preset", or "module:Class"."""
+    """The label by which `find` returns a class: name, "name@preset" or "module:Class"."""
     if hasattr(cls, "algorithm"):  # with loops
-        return label_of(cls.algorithm) + LOOPS
+        return label_of(cls.algorithm) + LOOPS_SUFFIX
     package = cls.__module__.partition(".")[0]
     for name in names():
         if _target(name).partition(".")[0] == package:
@@ -100,11 +100,11 @@ def _target(name: str) -> str:
         return BUILT_IN[name]
     if ":" in name:
         return name
-    for point in entry_points(group=GROUP):
+    for point in entry_points(group=ENTRY_POINT_GROUP):
         if point.name == name:
             return point.value
     known = f"(known: {', '.join(names())}, or module:Class)"
-    raise LookupError(f"unknown algorithm {name!r}{nearest(name, names())} {known}")
+    raise LookupError(f"unknown algorithm {name!r}{did_you_mean(name, names())} {known}")
 
 
 def _slam_class(name: str, target: str) -> type[Slam]:

@@ -1,4 +1,4 @@
-"""slams run: one algorithm over one log, with map, trajectory and summary."""
+"""slams run: run one algorithm over a log; writes map, trajectory and summary."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import Floats, OccupancyGrid, Pose2, Slam
 
-SUMMARY = "summary.json"
-RESULTS = ["map.png", "map.pgm + map.yaml", "trajectory.csv", "trajectory.tum", SUMMARY]
+SUMMARY_FILE = "summary.json"
+RESULT_FILES = ["map.png", "map.pgm + map.yaml", "trajectory.csv", "trajectory.tum", SUMMARY_FILE]
 
 
 def parser() -> argparse.ArgumentParser:
@@ -28,7 +28,7 @@ def parser() -> argparse.ArgumentParser:
     p = cli.Parser(
         prog="slams run",
         description="Replay every scan of a log through one SLAM algorithm, in order.",
-        epilog=f"Writes {', '.join(RESULTS)}.",
+        epilog=f"Writes {', '.join(RESULT_FILES)}.",
     )
     cli.add_algorithm_options(p)
     p.add_argument(
@@ -46,7 +46,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def add_state_options(parser: argparse.ArgumentParser) -> None:
-    """Give a command the options of saved states and of fixed maps."""
+    """Add the options of saved states and of fixed maps."""
     group = parser.add_argument_group("states and maps")
     group.add_argument(
         "--save-state", metavar="FILE", help="save the algorithm's state to FILE at the end"
@@ -66,19 +66,19 @@ def add_state_options(parser: argparse.ArgumentParser) -> None:
 
 
 def given_start(arguments: argparse.Namespace) -> Pose2 | None:
-    """The pose of `--start`, once the options of states and maps fit together.
+    """The pose of `--start`, or None.
 
     Raises:
-        ValueError: they do not.
+        ValueError: the options of states and maps contradict each other.
     """
     from slams.localize.source import pose_of
 
     if arguments.start and not arguments.localize:
-        raise ValueError("--start: got a place without a map; expected --localize MAP, too")
+        raise ValueError("--start: got a pose without a map; expected --localize MAP, too")
     for name in ("resume_state", "save_state"):
         if arguments.localize and getattr(arguments, name):
             option = f"--{name.replace('_', '-')}"
-            raise ValueError(f"--localize leaves the map as it is: got {option}, too")
+            raise ValueError(f"--localize leaves the map unchanged: got {option}, too")
     return None if arguments.start is None else pose_of(arguments.start)
 
 
@@ -114,9 +114,9 @@ def _command(arguments: argparse.Namespace) -> int:
 
 
 def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params, Taken | None]:
-    """The algorithm, its parameters, and what came of ROS files.
+    """The algorithm, its parameters, and what was read from ROS files.
 
-    Defaults < preset < sensor < ROS files < YAML file < --set < --seed.
+    Later sources override: defaults, preset, sensor, ROS files, YAML file, --set, --seed.
     """
     entry, ros = find(arguments.algorithm), None
     params = entry.params()
@@ -138,13 +138,13 @@ def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params, Taken | None]:
 
 
 def parameter_table(params: Params) -> str:
-    """All parameters as YAML that `--params` reads back: unit, meaning, source, ROS names."""
+    """All parameters as YAML for `--params`, with unit, meaning, source and ROS names."""
     rows, specs = params.table(), params.specs()
     width = max(len(f"{name}: {value}") for name, value, *_ in rows)
     lines = []
     for name, value, unit, meaning, source in rows:
-        there = f"; ROS: {', '.join(specs[name].ros)}" if specs[name].ros else ""
-        lines.append(f"{f'{name}: {value}':{width}}  # [{unit}] {meaning} ({source}{there})")
+        ros = f"; ROS: {', '.join(specs[name].ros)}" if specs[name].ros else ""
+        lines.append(f"{f'{name}: {value}':{width}}  # [{unit}] {meaning} ({source}{ros})")
     return "\n".join(lines) + "\n"
 
 
@@ -155,18 +155,18 @@ def write_drive(
     summary: dict[str, Any],
     mcap: ScanLog | None = None,
 ) -> None:
-    """Write map, trajectory and summary of a log or of a robot, whole or not at all.
+    """Write map, trajectory and summary of a log or of a robot, all of them or none.
 
     Args:
-        folder: where to; files of an earlier summary there are removed.
+        folder: the target; files that an earlier summary lists are removed.
         grid: the map.
-        path: stamps (n,) [s], poses (n, 3) as they were known at the time, and poses as closed
-            loops left them, or None.
-        summary: gets the names of the `files`.
-        mcap: the log of the poses, if `result.mcap` is to be written, too.
+        path: stamps (n,) [s], poses (n, 3) after each update, and poses (n, 3) corrected by loops,
+            or None.
+        summary: the names of the written files are added to it as `files`.
+        mcap: the log, if `result.mcap` is to be written, too.
 
     Raises:
-        OSError: they cannot be written.
+        OSError: a file cannot be written.
     """
     from slams.formats import occupancy, trajectory
     from slams.summary import as_json
@@ -181,17 +181,17 @@ def write_drive(
         shown = poses if corrected is None else corrected
         occupancy.write_image(partial / "map.png", occupancy.picture(grid, shown))
         if mcap is not None:
-            from slams.formats.mcap import write_mcap  # only here, for it loads the bag library
+            from slams.formats.mcap import write_mcap  # it loads the bag library
 
             write_mcap(partial / "result.mcap", mcap, poses, grid)
-        summary["files"] = sorted([*(path.name for path in partial.iterdir()), SUMMARY])
-        (partial / SUMMARY).write_text(as_json(summary), encoding="utf-8")
+        summary["files"] = sorted([*(path.name for path in partial.iterdir()), SUMMARY_FILE])
+        (partial / SUMMARY_FILE).write_text(as_json(summary), encoding="utf-8")
 
 
 def files_of_run(folder: Path) -> list[str]:
-    """Names of the files that an earlier run wrote to a folder, by its summary."""
+    """Names of the files in a folder that the summary of an earlier run lists."""
     try:
-        names = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))["files"]
+        names = json.loads((folder / SUMMARY_FILE).read_text(encoding="utf-8"))["files"]
     except (OSError, ValueError, LookupError, TypeError):
         return []
     return [name for name in names if isinstance(name, str) and Path(name).name == name]
@@ -202,10 +202,10 @@ def _prepared(
 ) -> tuple[Slam, ScanLog, Path, list[str]]:
     """The algorithm before its first scan, its scans, the folder of results, notes for the user.
 
-    What cannot be read or written is refused before the run.
+    Files that cannot be read or written are refused before the run.
 
     Raises:
-        LookupError, OSError, TypeError, ValueError: one sentence about what the user gave.
+        LookupError, OSError, TypeError, ValueError: one sentence about the user's input.
     """
     from slams.formats.source import load
 
@@ -225,9 +225,9 @@ def _prepared(
 
 
 def _folder(label: str, arguments: argparse.Namespace) -> Path:
-    """Where the results go, named after the log's file; nothing is overwritten unasked.
+    """The folder of the results, named after the log; files are overwritten only by --force.
 
-    A state that is resumed and saved under one name is one that grows: that is asked for.
+    An exception is a state that is resumed from and saved to the same file.
     """
     name = f"{name_of(Path(arguments.log[0]))}-{label.replace(':', '.')}"
     folder = Path(arguments.out or f"results/{name}")
@@ -242,7 +242,7 @@ def _folder(label: str, arguments: argparse.Namespace) -> Path:
 def _slam_and_rest(
     entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
 ) -> tuple[Slam, ScanLog, list[str]]:
-    """The algorithm, and the scans of the log that its state has not got."""
+    """The algorithm, the scans of the log that its state does not contain, and notes."""
     if arguments.localize or arguments.start:
         return _localizing(entry, params, log, arguments)
     if not arguments.resume_state:
@@ -250,24 +250,24 @@ def _slam_and_rest(
     from slams.state import store
 
     state = store.resume(arguments.resume_state, entry, params)
-    rest, known = store.rest_of(log, state.beside, arguments.every)
-    notes = [f"goes on at scan {known} of {len(log)}"] if known else []
+    rest, first = store.rest_of(log, state.beside, arguments.every)
+    notes = [f"continues at scan {first} of {len(log)}"] if first else []
     return state.slam, rest, notes
 
 
 def _localizing(
     entry: Entry, params: Params, log: ScanLog, arguments: argparse.Namespace
 ) -> tuple[Slam, ScanLog, list[str]]:
-    """The algorithm in a fixed map, and the log from the scan whose pose is known."""
+    """The algorithm in a fixed map, the log from the first localized scan on, and notes."""
     from slams.localize import source
 
     start, notes = given_start(arguments), list[str]()
     ready = source.prepare(entry, params, source.open_map(arguments.localize, notes))
-    seen = log if not arguments.no_odometry else log.select(odometry=False)
+    used = log if not arguments.no_odometry else log.select(odometry=False)
     if start is not None:
-        found = source.start_at(ready.map_index, seen, start)
+        found = source.start_at(ready.map_index, used, start)
     else:
-        found = source.find_start(ready.map_index, seen)
+        found = source.find_start(ready.map_index, used)
     return ready.at(found.pose), log.rows(slice(found.scan, None)), [*notes, found.note]
 
 

@@ -1,15 +1,15 @@
-"""ScanLog: one recorded drive in memory, and the npz format "scanlog-1" it is kept in.
-
-Several lasers make it a "scanlog-2": `lasers` (k, 11), a row of `slams.laser_table.COLUMNS` for
-each, in place of the keys of one laser, and `laser` (n,), the row of each scan's; rows of `ranges`
-end in nan where a laser has fewer beams than another.
+"""ScanLog: one recorded drive in memory, and its file format, the npz "scanlog-1".
 
 Keys of the file: `format`; `t` (n,) s, stamp of the first beam; `ranges` (n, b) m; `angle_min`,
-`angle_increment` rad; `range_min`, `range_max` m; `time_increment` s per beam; `mount` (3,) the
-laser in the base frame; optional `mount_z` m, its height there, and `height` m, that above the
-floor; optional `odom` (k, 3), `truth` (k, 3), `yaw_rate` (k,), `attitude` (k, 2), each with stamps
-of its own `odom_t`, `truth_t`, `yaw_rate_t`, `attitude_t` (absent: the scans'); `meta` JSON text.
-Others are ignored.
+`angle_increment` rad; `range_min`, `range_max` m; `time_increment` s per beam; `mount` (3,) pose of
+the laser in the base frame; optional `mount_z` m, its height there, and `height` m above the floor;
+optional `odom` (k, 3), `truth` (k, 3), `yaw_rate` (k,), `attitude` (k, 2), each with its stamps
+`odom_t`, `truth_t`, `yaw_rate_t`, `attitude_t` (default: those of the scans); `meta` JSON text.
+Other keys are ignored.
+
+A log of several lasers is a "scanlog-2". Instead of the keys of one laser it has `lasers` (k, 11),
+rows of `slams.laser_table.LASER_COLUMNS`, and `laser` (n,), the row of each scan. Rows of `ranges`
+end in nan where a laser has fewer beams than another.
 """
 
 from __future__ import annotations
@@ -25,37 +25,36 @@ from numpy.typing import NDArray
 
 from slams.formats.npz import read_npz, write_npz
 from slams.laser_table import (
-    FORMAT,
-    HEIGHTS,
-    OF_LASER,
-    OF_SEVERAL,
-    REQUIRED,
-    lasers,
-    numbers,
+    HEIGHT_KEYS,
+    LASER_KEYS,
+    REQUIRED_KEYS,
+    SCANLOG_1,
+    SCANLOG_2,
+    as_float32,
+    laser_fields,
+    number_array,
     rep117,
     to_table,
 )
-from slams.laser_table import single as single
 from slams.time_series import TimeSeries as TimeSeries
 from slams.types import Attitude, Floats, Laser, Pose2, Ranges, Scan
-from slams.validation import check_laser, check_stamps, check_track, expect
+from slams.validation import check_laser, check_series, check_stamps, expect
 
-TRACKS = {"odom": (3,), "truth": (3,), "yaw_rate": (), "attitude": (2,)}  # shape of a value
-KEYS = (
-    *("format", *REQUIRED, "time_increment", "mount", *HEIGHTS, "laser", "lasers", "meta"),
-    *(key for track in TRACKS for key in (track, f"{track}_t")),
+SERIES_SHAPES = {"odom": (3,), "truth": (3,), "yaw_rate": (), "attitude": (2,)}  # of one value
+FILE_KEYS = (
+    *("format", *REQUIRED_KEYS, "time_increment", "mount", *HEIGHT_KEYS, "laser", "lasers", "meta"),
+    *(key for name in SERIES_SHAPES for key in (name, f"{name}_t")),
 )
 
 
 @dataclass(frozen=True)
 class ScanLog:
-    """Scans of a laser, or several, with what else was recorded; iteration yields `Scan`s.
+    """Scans of one or several lasers with other recorded signals; iteration yields `Scan`s.
 
     `t` (n,) [s]; `ranges` (n, b) float32 [m], inf = nothing up to range_max, nan = not valid.
-    Where there are `others` beside `laser`, number 0, `laser_of` (n,) is the number of each scan's
-    laser, and b is of the one with the most beams.
-    The order in the log rules, also where stamps jump back. `notes` are what the reader of the
-    recording should tell the user: a sentence each, kept in no file.
+    `laser` has number 0, `others` follow; `laser_of` (n,) is the number of each scan's laser, None
+    for one laser. b is the largest number of beams of a laser. Scans keep the order of the log,
+    also where stamps jump back. `notes` are sentences for the user, not saved in a file.
     """
 
     t: Floats
@@ -71,36 +70,36 @@ class ScanLog:
     laser_of: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
-        t, fans = self.t, (len(self.t), max(laser.n_beams for laser in self.lasers))
+        t, expected = self.t, (len(self.t), max(laser.n_beams for laser in self.lasers))
         expect(t.ndim == 1 and len(t) > 0, "t", t.shape, "(n,) with n >= 1")
-        expect(self.ranges.shape == fans, "ranges", self.ranges.shape, f"{fans}")
+        expect(self.ranges.shape == expected, "ranges", self.ranges.shape, f"{expected}")
         check_stamps("t", t)
         for laser in self.lasers:
             check_laser(laser)
         self._check_numbers()
-        for key, row in TRACKS.items():
-            track = getattr(self, key)
-            if track is not None:
-                given, shape = track.values.shape, (len(track.t), *row)
-                expect(given == shape and len(track.t) > 0, key, given, f"{shape}")
-                finite = np.nan_to_num(track.values) if key == "attitude" else track.values
-                check_track(key, track.t, finite)
+        for key, row in SERIES_SHAPES.items():
+            series = getattr(self, key)
+            if series is not None:
+                given, shape = series.values.shape, (len(series.t), *row)
+                expect(given == shape and len(series.t) > 0, key, given, f"{shape}")
+                finite = np.nan_to_num(series.values) if key == "attitude" else series.values
+                check_series(key, series.t, finite)
         object.__setattr__(self, "ranges", self._cleaned())
 
     def __len__(self) -> int:
         return len(self.t)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickled by its fields, so that the ranges are read-only in another process, too."""
+        """Pickle by the fields, so that ranges are read-only in another process, too."""
         return ScanLog, tuple(getattr(self, item.name) for item in fields(self))
 
     def __iter__(self) -> Iterator[Scan]:
         odometry = self.odometry_at_scans()
         yaw = None if self.yaw_rate is None else self.yaw_rate.integral_at(self.t)
         attitudes = self.attitude_at_scans()
-        each, rows = self.lasers, self.numbers.tolist()
+        lasers, numbers = self.lasers, self.numbers.tolist()
         for i, (t, ranges) in enumerate(zip(self.t.tolist(), self.ranges, strict=True)):
-            laser = each[rows[i]]
+            laser = lasers[numbers[i]]
             yield Scan(
                 t,
                 ranges[: laser.n_beams],
@@ -112,7 +111,7 @@ class ScanLog:
 
     @property
     def name(self) -> str:
-        """What the log calls itself."""
+        """The name of the log in its `meta`."""
         return str(self.meta.get("name", "log"))
 
     @property
@@ -122,17 +121,17 @@ class ScanLog:
 
     @property
     def numbers(self) -> NDArray[np.int64]:
-        """The number of its laser for each scan (n,)."""
+        """The number of each scan's laser (n,)."""
         return np.zeros(len(self), np.int64) if self.laser_of is None else self.laser_of
 
     def of_one_laser(self) -> ScanLog:
-        """The log itself; ValueError if it is of several lasers."""
+        """The log itself; ValueError if it has several lasers."""
         expect(not self.others, self.name, f"{len(self.lasers)} lasers", "one (--scan-topic)")
         return self
 
     @property
     def stamp_jumps(self) -> int:
-        """How many stamps lie before the one ahead of them."""
+        """Number of stamps that are earlier than the stamp before them."""
         return int((np.diff(self.t) < 0).sum())
 
     @property
@@ -141,11 +140,11 @@ class ScanLog:
         return float(np.median(np.diff(self.t))) if len(self) > 1 else 0.0
 
     def odometry_at_scans(self) -> Floats | None:
-        """Odometry (n, 3) at each scan; rows of nan where it was not recorded."""
+        """Odometry (n, 3) at each scan; nan where none was recorded."""
         return self._at_scans(self.odom, TimeSeries.poses_at)
 
     def attitude_at_scans(self) -> Floats | None:
-        """Roll and pitch (n, 2) [rad] at each scan; rows of nan where they were not measured."""
+        """Roll and pitch (n, 2) [rad] at each scan; nan where none was measured."""
         return self._at_scans(self.attitude, TimeSeries.attitudes_at)
 
     def truth_at(self, t: Floats) -> Floats | None:
@@ -158,8 +157,8 @@ class ScanLog:
         return some if odometry else replace(some, odom=None, yaw_rate=None)
 
     def rows(self, part: slice | NDArray[Any]) -> ScanLog:
-        """The scans that a slice, a mask or indices pick; tracks noted row by row come along."""
-        odom, attitude = self._track_rows(self.odom, part), self._track_rows(self.attitude, part)
+        """The scans of a slice, a mask or indices, with signals that have a value per scan."""
+        odom, attitude = self._series_rows(self.odom, part), self._series_rows(self.attitude, part)
         t, ranges = self.t[part], self.ranges[part]
         numbers = None if self.laser_of is None else self.laser_of[part]
         return replace(self, t=t, ranges=ranges, odom=odom, attitude=attitude, laser_of=numbers)
@@ -169,14 +168,14 @@ class ScanLog:
         expect(given == len(self.lasers), "laser", "no numbers", "that of each scan's laser")
         numbers = self.numbers
         expect(numbers.shape == self.t.shape, "laser", numbers.shape, f"{self.t.shape}")
-        known = bool(((numbers >= 0) & (numbers < len(self.lasers))).all())
-        expect(known, "laser", "numbers of no laser", f"0 to {len(self.lasers) - 1}")
+        valid = bool(((numbers >= 0) & (numbers < len(self.lasers))).all())
+        expect(valid, "laser", "numbers of no laser", f"0 to {len(self.lasers) - 1}")
 
     def _cleaned(self) -> Ranges:
-        """The ranges as REP 117 has them, by the limits of each scan's laser."""
+        """The ranges by REP 117, with the limits of each scan's laser."""
         if not self.others:
             return rep117(self.ranges, self.laser)
-        clean = single(self.ranges).copy()
+        clean = as_float32(self.ranges).copy()
         for number, laser in enumerate(self.lasers):
             own = self.numbers == number
             clean[own] = rep117(clean[own], laser)
@@ -185,35 +184,35 @@ class ScanLog:
         return clean
 
     def _at_scans(
-        self, track: TimeSeries | None, at: Callable[[TimeSeries, Floats], Floats]
+        self, series: TimeSeries | None, at: Callable[[TimeSeries, Floats], Floats]
     ) -> Floats | None:
-        if track is None:
+        if series is None:
             return None
-        same = np.array_equal(track.t, self.t)  # row by row, whatever the stamps do
-        return track.values if same else at(track, self.t)
+        same = np.array_equal(series.t, self.t)  # a value per scan, even if stamps jump back
+        return series.values if same else at(series, self.t)
 
-    def _track_rows(
-        self, track: TimeSeries | None, part: slice | NDArray[Any]
+    def _series_rows(
+        self, series: TimeSeries | None, part: slice | NDArray[Any]
     ) -> TimeSeries | None:
-        if track is None or not np.array_equal(track.t, self.t):
-            return track
-        return TimeSeries(self.t[part], track.values[part])
+        if series is None or not np.array_equal(series.t, self.t):
+            return series
+        return TimeSeries(self.t[part], series.values[part])
 
     def save(self, path: str | Path) -> None:
-        """Write "scanlog-1"; same log, same bytes. A temporary name is renamed when complete."""
-        kind = OF_SEVERAL if self.others else FORMAT
+        """Write the file, complete or not at all; the same log gives the same bytes."""
+        kind = SCANLOG_2 if self.others else SCANLOG_1
         arrays: dict[str, Any] = {"format": kind, "t": self.t, "ranges": self.ranges}
         meta = {"meta": json.dumps(self.meta, sort_keys=True)}
         if self.others:
             arrays |= meta | {"laser": self.numbers, "lasers": to_table(self.lasers)}
         else:
-            arrays |= {key: getattr(self.laser, key) for key in OF_LASER}
+            arrays |= {key: getattr(self.laser, key) for key in LASER_KEYS}
             heights = {"mount_z": self.laser.mount_z or None, "height": self.laser.height}
             arrays |= meta | {key: value for key, value in heights.items() if value is not None}
-        for key in TRACKS:
-            track = getattr(self, key)
-            if track is not None:
-                arrays |= {key: track.values, f"{key}_t": track.t}
+        for key in SERIES_SHAPES:
+            series = getattr(self, key)
+            if series is not None:
+                arrays |= {key: series.values, f"{key}_t": series.t}
         write_npz(Path(path), arrays)
 
 
@@ -221,10 +220,10 @@ def load_npz(path: Path | str) -> ScanLog:
     """Read "scanlog-1" or "scanlog-2".
 
     Raises:
-        OSError: the file cannot be opened; one sentence, as all of these.
-        ValueError: it is not a complete, valid scan log.
+        OSError: the file cannot be opened.
+        ValueError: the file is not a complete, valid scan log; one sentence.
     """
-    data = read_npz(Path(path), KEYS)
+    data = read_npz(Path(path), FILE_KEYS)
     try:
         return _from_arrays(data, Path(path).stem)
     except ValueError as error:
@@ -232,20 +231,20 @@ def load_npz(path: Path | str) -> ScanLog:
 
 
 def _from_arrays(data: dict[str, Any], stem: str) -> ScanLog:
-    version = str(data.get("format", FORMAT))
-    required = ("t", "ranges", "laser", "lasers") if version == OF_SEVERAL else REQUIRED
+    version = str(data.get("format", SCANLOG_1))
+    required = ("t", "ranges", "laser", "lasers") if version == SCANLOG_2 else REQUIRED_KEYS
     missing = [key for key in required if key not in data]
     expect(not missing, "keys", f"no {', '.join(missing)}", f"{', '.join(required)}")
-    expect(version in (FORMAT, OF_SEVERAL), "format", version, f"{FORMAT} or {OF_SEVERAL}")
-    t = numbers(data, "t", 1)
-    ranges = single(data["ranges"])
+    expect(version in (SCANLOG_1, SCANLOG_2), "format", version, f"{SCANLOG_1} or {SCANLOG_2}")
+    t = number_array(data, "t", 1)
+    ranges = as_float32(data["ranges"])
     expect(ranges.ndim == 2, "ranges", f"{ranges.ndim} dimensions", "2")
-    tracks: dict[str, Any] = {key: _track(data, key, t) for key in TRACKS if key in data}
+    signals: dict[str, Any] = {key: _series(data, key, t) for key in SERIES_SHAPES if key in data}
     return ScanLog(
         t=t,
         ranges=ranges,
-        **lasers(data, ranges.shape[1], version),
-        **tracks,
+        **laser_fields(data, ranges.shape[1], version),
+        **signals,
         meta={"name": stem} | _meta(data),
     )
 
@@ -259,7 +258,7 @@ def _meta(data: dict[str, Any]) -> dict[str, Any]:
     return dict(meta)
 
 
-def _track(data: dict[str, Any], key: str, t: Floats) -> TimeSeries:
-    values = numbers(data, key, 1 + len(TRACKS[key]))
-    stamps = numbers(data, f"{key}_t", 1) if f"{key}_t" in data else t
+def _series(data: dict[str, Any], key: str, t: Floats) -> TimeSeries:
+    values = number_array(data, key, 1 + len(SERIES_SHAPES[key]))
+    stamps = number_array(data, f"{key}_t", 1) if f"{key}_t" in data else t
     return TimeSeries(stamps, values)

@@ -1,4 +1,4 @@
-"""What a run amounted to, as one JSON-able dict: the source of the printed summary."""
+"""The summary of a run as one dict for JSON, and as text."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from slams.player import Run
 from slams.scanlog import ScanLog
 from slams.types import Floats
 
-SPANS = {  # over what errors are taken [s], 0 for every update, and its words
+ERROR_SPANS = {  # time [s] over which errors are taken, 0: each update; its description
     "per_update": (0.0, "per update"),
     "per_1_s": (1.0, "over 1 s"),
     "per_10_s": (10.0, "over 10 s"),
 }
-# what a summary or its report may count that the user must know of, and what to do
-NOTED = {
-    "stamps_back": "stamps jump back (the order in the log rules)",
-    "scans_without_attitude": "scans have no attitude: taken as level",
+# counts of a summary or a report that become notes for the user
+NOTED_COUNTS = {
+    "stamps_back": "stamps jump back (scans are used in the order of the log)",
+    "scans_without_attitude": "scans have no attitude and are taken as level",
     "scans_without_return": "scans have no return at all",
-    "too_far": "scans not entered into the map: where the robot cannot have driven to",
-    "too_large": "scans not entered into the map: it has reached max_cells (--set max_cells=N)",
-    "attitude_beyond": "scans whose attitude no robot survives: not used, is the IMU overhead?",
+    "too_far": "scans not inserted into the map: the robot cannot have reached their poses",
+    "too_large": "scans not inserted into the map: it has reached max_cells (--set max_cells=N)",
+    "attitude_beyond": "scans with an impossible attitude: not used; is the IMU upside down?",
     "attitude_jumped": "scans after a jump of the attitude: not used until the floor confirms it",
-    "attitude_stuck": "scans whose attitude stays the same while the robot moves: not used",
+    "attitude_stuck": "scans with a constant attitude while the robot moves: not used",
     "attitude_contradicted": "scans whose attitude the floor contradicts: not used; signs, axes?",
-    "attitude_late_ms": "ms, about, that the attitude is late by",
-    "collapsed": "times the particles' maps did not fit: all went on from the best (max_tiles)",
+    "attitude_late_ms": "ms, about, of delay of the attitude",
+    "collapsed": "times the maps of the particles exceeded max_tiles: all continued from the best",
 }
-CONFLICTING = 0.05  # share of the scans: fewer may be a door that opened
-LIBRARIES = (
+MAX_CONFLICTING_SCANS_RATIO = 0.05  # of the scans; fewer may be due to a door that opened
+VERSIONED_LIBRARIES = (
     "numpy",
     "numba",
     "scipy",
@@ -56,18 +56,18 @@ def summarize(
     params: Params,
     start_up_s: float,
 ) -> dict[str, Any]:
-    """Everything about one run.
+    """The summary of one run.
 
     Args:
-        run: what `replay` returned.
-        log: the log it went through.
-        label: the algorithm as the user named it.
+        run: the result of `replay`.
+        log: its log.
+        label: the algorithm, as named by the user.
         params: its parameters.
         start_up_s: CPU seconds of loading and compiling before the run.
     """
     duration = float(run.t.max() - run.t.min())
     spent, attitudes = cost(run.seconds, duration), log.attitude_at_scans()
-    level = np.zeros((0, 2)) if attitudes is None else attitudes  # without any nothing is missed
+    attitudes = np.zeros((0, 2)) if attitudes is None else attitudes  # no IMU: none is missing
     return {
         "algorithm": label,
         "log": log.name,
@@ -76,7 +76,7 @@ def summarize(
         "duration_s": duration,
         "path_length_m": metrics.path_length(run.final),
         "stamps_back": log.stamp_jumps,
-        "scans_without_attitude": int((~np.isfinite(level).all(axis=1)).sum()),
+        "scans_without_attitude": int((~np.isfinite(attitudes).all(axis=1)).sum()),
         "lasers": len(log.lasers),
         "silent_lasers": silent_lasers(log.t, log.numbers, len(log.lasers)),
         "scans_without_return": int((~np.isfinite(log.ranges).any(axis=1)).sum()),
@@ -95,10 +95,10 @@ def summarize(
 
 
 def cost(seconds: Floats, duration: float) -> dict[str, float]:
-    """CPU time per scan [ms], and how many times faster than the log the run was.
+    """CPU time per scan [ms], and the ratio of the log's duration to the CPU time.
 
     Args:
-        seconds: CPU time of each update (n,) [s], compilation taken out.
+        seconds: CPU time (n,) [s] of each update, without compilation.
         duration: of the log [s].
     """
     p50, p95, p99 = (1e3 * np.percentile(seconds, (50, 95, 99))).tolist()
@@ -113,9 +113,9 @@ def cost(seconds: Floats, duration: float) -> dict[str, float]:
 
 
 def truth_errors(run: Run, log: ScanLog) -> dict[str, Any] | None:
-    """Relative SE(2) errors over each of `SPANS`, and the ATE; None without truth.
+    """Relative SE(2) errors over each of `ERROR_SPANS`, and the ATE; None without truth.
 
-    Poses whose stamp the truth does not cover are left out and counted.
+    Poses at times without truth are left out and counted.
     """
     truth = log.truth_at(run.t)
     if truth is None:
@@ -126,7 +126,7 @@ def truth_errors(run: Run, log: ScanLog) -> dict[str, Any] | None:
     if len(truth) < 2:
         return errors
     t = run.t[covered]
-    for key, (seconds, _) in SPANS.items():
+    for key, (seconds, _) in ERROR_SPANS.items():
         pairs = metrics.pairs_over_time(t, seconds)
         if len(pairs[0]):
             over = metrics.pair_errors(estimate, truth, *pairs)
@@ -138,8 +138,8 @@ def truth_errors(run: Run, log: ScanLog) -> dict[str, Any] | None:
     return errors
 
 
-def versions(libraries: Sequence[str] = LIBRARIES) -> dict[str, str]:
-    """Versions of Python, of this package and of libraries; all that results can depend on."""
+def versions(libraries: Sequence[str] = VERSIONED_LIBRARIES) -> dict[str, str]:
+    """Versions of Python, of this package and of the libraries that results depend on."""
     found = {"python": platform.python_version(), "slams": __version__}
     for name in libraries:
         try:
@@ -150,7 +150,7 @@ def versions(libraries: Sequence[str] = LIBRARIES) -> dict[str, str]:
 
 
 def as_json(summary: dict[str, Any]) -> str:
-    """The summary as strict JSON: what is not finite becomes null."""
+    """The summary as strict JSON: numbers that are not finite become null."""
     text = json.dumps(summary, default=np.generic.item)
     return json.dumps(json.loads(text, parse_constant=lambda _: None), indent=2) + "\n"
 
@@ -162,12 +162,12 @@ def as_text(summary: dict[str, Any]) -> str:
         f"{summary['algorithm']} on {summary['log']}: {summary['scans']} scans in "
         f"{summary['duration_s']:.1f} s, path {summary['path_length_m']:.1f} m"
     ]
-    lines += _odd_scans(summary)
+    lines += _notes(summary)
     report = summary["report"]
     if "loops" in report:
         lines.append(
-            f"{report['loops']} loops between {report['keyframes']} keyframes, the map drawn anew "
-            f"{report['redrawn']} times; figures are of the poses as corrected at the end"
+            f"{report['loops']} loops between {report['keyframes']} keyframes, map redrawn "
+            f"{report['redrawn']} times; errors are those of the corrected poses at the end"
         )
     lines += _error_lines(summary["errors"])
     lines.append(
@@ -180,17 +180,17 @@ def as_text(summary: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _odd_scans(summary: dict[str, Any]) -> list[str]:
+def _notes(summary: dict[str, Any]) -> list[str]:
     report = summary["report"]
     counts = report | summary
-    notes = [f"{counts[key]} {words}" for key, words in NOTED.items() if counts.get(key)]
+    notes = [f"{counts[key]} {words}" for key, words in NOTED_COUNTS.items() if counts.get(key)]
     notes += [
-        f"laser {laser['laser']} fell silent after {laser['last_s']:.1f} s"
+        f"laser {laser['laser']} sent no scan after {laser['last_s']:.1f} s"
         for laser in summary["silent_lasers"]
     ]
-    if report.get("in_conflict", 0) > CONFLICTING * summary["scans"]:
+    if report.get("in_conflict", 0) > MAX_CONFLICTING_SCANS_RATIO * summary["scans"]:
         causes = "people or dust" if report.get("leveled") else "people, dust, or a tilting laser"
-        notes.append(f"{report['in_conflict']} scans end where the map is free: {causes}")
+        notes.append(f"{report['in_conflict']} scans conflict with free space of the map: {causes}")
     return ["note: " + "; ".join(notes)] if notes else []
 
 
@@ -198,7 +198,7 @@ def _error_lines(errors: dict[str, Any] | None) -> list[str]:
     if errors is None:
         return ["no truth in the log: no errors"]
     lines = ["error against the truth    mean      max  [mm]     mean      max  [mrad]"]
-    for key, (_, name) in SPANS.items():
+    for key, (_, name) in ERROR_SPANS.items():
         if key in errors:
             x, r = errors[key]["translation_m"], errors[key]["rotation_rad"]
             lines.append(
@@ -211,12 +211,12 @@ def _error_lines(errors: dict[str, Any] | None) -> list[str]:
             f"{1e3 * errors['end_m']:.1f} mm off at the end (from the first pose)"
         )
     if errors["not_covered"]:
-        lines.append(f"  {errors['not_covered']} poses lie outside the truth and do not count")
+        lines.append(f"  {errors['not_covered']} poses at times without truth are left out")
     return lines
 
 
 def moments(values: Floats) -> dict[str, float]:
-    """Mean, standard deviation (ddof 0), least and greatest."""
+    """Mean, standard deviation (ddof 0), minimum and maximum."""
     return {
         "mean": float(values.mean()),
         "std": float(values.std()),

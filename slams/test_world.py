@@ -1,7 +1,7 @@
 """A small room of line segments and drives through it, by plain numpy.
 
-What the checks of the contract, the tests and the warm-up of `LiveSlam` look at; `bench` has the
-real simulator.
+Used by the checks of the contract, the tests and the warm-up of `LiveSlam`. The simulator of the
+benchmark is in `bench`.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ def laser(
     time_increment: float = 0.0,
     range_max: float = 30.0,
 ) -> Laser:
-    """A laser that looks ahead, `fov` wide [rad]."""
+    """A laser that faces ahead with a field of view of `fov` [rad]."""
     step = fov / (n_beams - 1) if n_beams > 1 else 0.0
     return Laser(-0.5 * fov, step, n_beams, 0.1, range_max, mount, time_increment)
 
 
 def cast(segments: Floats, poses: Sequence[float] | Floats, lidar: Laser) -> Floats:
-    """Exact ranges of one scan from the base pose (3,), or that of each beam (n_beams, 3).
+    """Exact ranges (n_beams,) [m] from a base pose (3,), or one of each beam (n_beams, 3).
 
-    inf where nothing is hit.
+    inf where a beam hits nothing.
     """
     sensors = np.array([Pose2(*pose) @ lidar.mount for pose in np.atleast_2d(poses)])
     angles = lidar.angles + sensors[:, 2]
@@ -86,7 +86,7 @@ def scan_at(
     return Scan(t, single, lidar, odometry, yaw)
 
 
-def way(n: int, dt: float) -> Floats:
+def drive_poses(n: int, dt: float) -> Floats:
     """Poses (n, 3) of a smooth drive around the room, at most about 0.6 m/s and 0.6 rad/s."""
     s = 0.35 * dt * np.arange(n)
     x, y = 1.2 * np.sin(s), 0.9 * np.sin(2.0 * s) * 0.6
@@ -108,22 +108,22 @@ def drive(
     rng = np.random.default_rng(seed)
     lidar = lidar or laser()
     t = np.arange(n) / rate
-    poses = seen_from = way(n, 1.0 / rate)
-    if lidar.time_increment:  # beams are measured one after the other on the way
+    poses = scan_poses = drive_poses(n, 1.0 / rate)
+    if lidar.time_increment:  # beams are measured one after the other while moving
         b = lidar.n_beams
         stamps = t[:, None] + lidar.time_increment * np.arange(b)
         samples = np.rint(stamps * rate * b).astype(int)
-        seen_from = way(n * b, 1.0 / (rate * b))[np.minimum(samples, n * b - 1)]
-    ranges = np.array([cast(segments, scan, lidar) for scan in seen_from])
+        scan_poses = drive_poses(n * b, 1.0 / (rate * b))[np.minimum(samples, n * b - 1)]
+    ranges = np.array([cast(segments, scan, lidar) for scan in scan_poses])
     noisy = (ranges + rng.normal(0.0, noise, ranges.shape)).astype(np.float32)
     odom = TimeSeries(t, _drifting(poses, rng)) if odometry else None
-    rate_of_turn = np.gradient(poses[:, 2], t) if n > 1 else np.zeros(1)
-    yaw_rate = TimeSeries(t, rate_of_turn + 0.001) if gyro else None
+    true_rate = np.gradient(poses[:, 2], t) if n > 1 else np.zeros(1)
+    yaw_rate = TimeSeries(t, true_rate + 0.001) if gyro else None
     return ScanLog(t, noisy, lidar, odom, TimeSeries(t, poses), yaw_rate, {"name": "room"})
 
 
 def _drifting(poses: Floats, rng: np.random.Generator) -> Floats:
-    """Odometry (n, 3) in a frame of its own: 2 % too long, with slip."""
+    """Odometry (n, 3) in its own frame: 2 % too long, with slip."""
     steps = [Pose2(*a).between(Pose2(*b)) for a, b in pairwise(poses)]
     odom = [Pose2(3.0, -2.0, 0.5)]
     for step in steps:
@@ -134,7 +134,7 @@ def _drifting(poses: Floats, rng: np.random.Generator) -> Floats:
 
 
 def odd_scans() -> dict[str, Scan]:
-    """Scans that a real laser sends one day."""
+    """Scans with the faults of real lasers, by name."""
     lidar = laser()
     good = scan_at((0.0, 0.0, 0.0), lidar)
 

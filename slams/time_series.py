@@ -1,4 +1,4 @@
-"""TimeSeries: a signal over time, looked up at other times."""
+"""TimeSeries: a recorded signal, interpolated at other times."""
 
 from __future__ import annotations
 
@@ -9,16 +9,14 @@ import numpy as np
 
 from slams.types import Floats, wrap_angle
 
-MAX_ATTITUDE_GAP = 0.5  # s between two attitudes, beyond which nothing is known in between
+MAX_ATTITUDE_GAP = 0.5  # s between two attitudes; none is interpolated in a longer gap
 
 
 @dataclass(frozen=True)
 class TimeSeries:
-    """A signal over time: stamps t (k,) [s] and values, as recorded.
+    """Stamps t (k,) [s] and values as recorded: poses (k, 3), rates (k,), roll and pitch (k, 2).
 
-    These are poses (k, 3), rates (k,) or roll and pitch (k, 2).
-
-    Stamps may jump back; for looking up they are put in order.
+    Stamps may jump back; they are sorted for interpolation.
     """
 
     t: Floats
@@ -33,7 +31,7 @@ class TimeSeries:
     def poses_at(self, t: Floats) -> Floats:
         """Poses (n, 3) at the stamps t (n,): linear in x, y and the unwrapped angle.
 
-        Never extrapolates: a stamp outside the track gives a row of nan.
+        There is no extrapolation: outside the recorded time a row is nan.
         """
         stamps, values = self.in_order
         columns = (values[:, 0], values[:, 1], np.unwrap(values[:, 2]))
@@ -42,7 +40,7 @@ class TimeSeries:
         return poses
 
     def attitudes_at(self, t: Floats) -> Floats:
-        """Roll and pitch (n, 2) [rad] at the stamps t (n,), nan outside and in gaps."""
+        """Roll and pitch (n, 2) [rad] at the stamps t (n,); nan outside and in gaps."""
         stamps, values = self.in_order
         found = np.stack([_between(t, stamps, column) for column in values.T], axis=1)
         after = np.clip(np.searchsorted(stamps, t), 1, max(len(stamps) - 1, 1))
@@ -51,7 +49,7 @@ class TimeSeries:
         return found
 
     def integral_at(self, t: Floats) -> Floats:
-        """The integral of a rate from its first stamp to each of t (n,), nan outside."""
+        """The integral (n,) of a rate from its first stamp to the stamps t (n,); nan outside."""
         stamps, rate = self.in_order
         steps = np.diff(stamps) * 0.5 * (rate[1:] + rate[:-1])
         total = np.concatenate([[0.0], np.cumsum(steps)])

@@ -1,7 +1,7 @@
-"""The nouns every algorithm shares; frames and units are defined here.
+"""The types that all algorithms share, with their frames and units.
 
-Metres, radians, seconds. x forward, y left, theta counter-clockwise. The map frame is the base
-frame of the first scan. `a @ b` is the pose b, given in frame a, expressed in a's parent frame.
+Meters, radians, seconds. x points forward, y left, theta is counter-clockwise. The map frame is the
+base frame of the first scan. `a @ b` is the pose b, given in frame a, in the parent frame of a.
 Arrays of cells are indexed [iy, ix].
 """
 
@@ -27,9 +27,9 @@ def wrap_angle(angle: float) -> float: ...
 @overload
 def wrap_angle(angle: Floats) -> Floats: ...
 def wrap_angle(angle: Any) -> Any:
-    """The same direction in (-pi, pi] [rad]; takes a number or an array."""
+    """The same angle in (-pi, pi] [rad], of a number or an array."""
     number = isinstance(angle, float)
-    if number and -math.pi < angle <= math.pi:  # nearly all
+    if number and -math.pi < angle <= math.pi:  # the common case
         return angle
     ceil = math.ceil if number else np.ceil  # five times as fast for a number
     return angle - 2.0 * math.pi * ceil((angle - math.pi) / (2.0 * math.pi))
@@ -57,20 +57,20 @@ class Pose2(NamedTuple):
         return Pose2(-c * self.x - s * self.y, s * self.x - c * self.y, wrap_angle(-self.theta))
 
     def between(self, other: Pose2) -> Pose2:
-        """The step from this pose to `other`, seen from this pose."""
+        """The pose `other` in the frame of this pose: the step from this pose to `other`."""
         c, s = math.cos(self.theta), math.sin(self.theta)
         x, y = other.x - self.x, other.y - self.y
         return Pose2(c * x + s * y, c * y - s * x, wrap_angle(other.theta - self.theta))
 
     def transform(self, points: Floats) -> Floats:
-        """Points (n, 2) [m] of this pose's frame in the parent frame, as a new array."""
+        """Points (n, 2) [m], given in this pose's frame, in the parent frame; a new array."""
         c, s = math.cos(self.theta), math.sin(self.theta)
         rotation: Floats = np.array([[c, s], [-s, c]])
         moved: Floats = points @ rotation + np.array([self.x, self.y])
         return moved
 
     def __add__(self, other: object) -> Never:
-        """Poses do not add; a tuple would concatenate."""
+        """Refused: addition would concatenate the tuples."""
         raise TypeError("poses compose with @, they do not add")
 
 
@@ -80,8 +80,8 @@ IDENTITY = Pose2(0.0, 0.0, 0.0)
 class Attitude(NamedTuple):
     """Roll and pitch [rad] of the base against gravity.
 
-    First pitch about y, then roll about the x axis that follows from it; a positive roll raises
-    the left side, a positive pitch lowers the front.
+    The rotation is pitch about y, then roll about the resulting x axis. A positive roll raises the
+    left side, a positive pitch lowers the front.
     """
 
     roll: float
@@ -96,12 +96,12 @@ class Attitude(NamedTuple):
 
 @dataclass(frozen=True)
 class Laser:
-    """Geometry of a scanning laser; one object serves all scans of a log.
+    """Geometry of a scanning laser; one object is shared by all scans of a log.
 
-    `mount` is the laser's pose in the robot's base frame, `mount_z` [m] its height there, `height`
-    [m] its height above the floor; None: `mount_z`, if that is positive, else unknown.
-    `time_increment` [s] is the time from one beam to the next, 0 for an instantaneous scan. A
-    negative `angle_increment` is a laser that turns clockwise.
+    `mount` is the laser's pose in the base frame, `mount_z` [m] its height there, `height` [m] its
+    height above the floor; None: `mount_z` if positive, else unknown. `time_increment` [s] is the
+    time from one beam to the next, 0 for an instantaneous scan. A laser that turns clockwise has a
+    negative `angle_increment`.
     """
 
     angle_min: float
@@ -116,7 +116,7 @@ class Laser:
 
     @property
     def above_floor(self) -> float | None:
-        """Height above a level floor [m], None where it is not known."""
+        """Height above a level floor [m], None if unknown."""
         if self.height is None and self.mount_z > 0.0:
             return self.mount_z
         return self.height
@@ -139,13 +139,13 @@ class Laser:
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """All that an algorithm sees of one moment.
+    """The input of one update of an algorithm.
 
     `t` [s] is the stamp of the first beam. `ranges` (n_beams,) float32 [m] is read-only: inf =
     nothing up to range_max, nan = no valid reading. `odometry` is the base's pose in an arbitrary
     odom frame; `yaw` [rad] the heading integrated from the gyro, origin arbitrary; `attitude` roll
-    and pitch of the base at `t`. Each is None where it was not measured, and becomes None where it
-    is not finite. The truth is never part of a scan.
+    and pitch of the base at `t`. Each is None if it was not measured or is not finite. The truth is
+    never part of a scan.
     """
 
     t: float
@@ -178,24 +178,23 @@ class OccupancyGrid:
 
 @runtime_checkable
 class Slam(Protocol):
-    """What the runner and the benchmark ask of an algorithm; no base class is needed.
+    """The interface of an algorithm; no base class is needed.
 
     Contract of `update` and `map`, each clause a test over every registered algorithm:
 
     1. The first call returns Pose2(0, 0, 0): the map frame is the base frame of the first scan.
-    2. Every call returns a finite pose, also when the scan is not used or matching fails: then
-       the prediction. Nothing is raised for bad data.
-    3. Nothing of the scan is written to.
-    4. Same parameters, same scans, same poses, bit for bit on one machine. Chance comes only from
-       `np.random.default_rng(params.seed)`, created in `__init__`.
-    5. An algorithm runs without odometry; what it used is in `report()`.
+    2. Every call returns a finite pose; the prediction, if the scan is not used or matching fails.
+       Bad data raises no exception.
+    3. The scan is not written to.
+    4. Same parameters and same scans give the same poses, bit for bit on one machine. Random
+       numbers come only from `np.random.default_rng(params.seed)`, created in `__init__`.
+    5. An algorithm runs without odometry; `report()` counts the scans whose odometry was used.
     6. Two instances in one process do not disturb each other.
     7. The odom frame is arbitrary: one constant motion before every odometry pose changes nothing.
-    8. A scan with another beam count or geometry than the one before is handled.
+    8. A scan may have another beam count or geometry than the scan before.
     9. `map()` has cells that scans observed, in the frame of the first scan.
 
-    An algorithm may say more of the last scan, as `Confident` does; `LiveSlam` has a fallback for
-    each that is missing.
+    `Confident` has optional properties of the last scan; `LiveSlam` replaces missing ones.
     """
 
     Params: ClassVar[type[Params]]
@@ -203,46 +202,46 @@ class Slam(Protocol):
     def __init__(self, params: Any) -> None: ...
 
     def update(self, scan: Scan) -> Pose2:
-        """Take the next scan; return the base's pose in the map, T_map_base."""
+        """Process the next scan; return the pose of the base in the map, T_map_base."""
 
     def map(self) -> OccupancyGrid:
-        """The map as it stands now."""
+        """The present map."""
 
     def report(self) -> dict[str, Any]:
-        """Counts of what happened so far (inserted, rejected, lost, ...)."""
+        """Counts so far (inserted, rejected, lost, ...)."""
 
 
 @runtime_checkable
 class Confident(Protocol):
-    """An algorithm that says after each update how its pose came about and how good it is."""
+    """An algorithm with state, quality and covariance of its last pose."""
 
     @property
     def state(self) -> State:
-        """How the last pose came about.
+        """How the last pose was obtained.
 
-        "matched": the map explains the scan; "predicted": it does not, and the pose is the
-        prediction; "lost": nothing was matched for a second and no wheels hold the pose to 0.5 m
-        and 0.3 rad (then nothing enters the map), or along a corridor scans leave the place open
-        by more than that (the map goes on). `report()["lost"]` counts such scans.
+        "matched": the scan matches the map. "predicted": it does not, and the pose is the
+        prediction. "lost": no scan matched for a second and no odometry bounds the error to 0.5 m
+        and 0.3 rad (no scan is inserted into the map), or along a corridor the error may be larger
+        (mapping continues). `report()["lost"]` counts such scans.
         """
 
     @property
     def quality(self) -> float:
-        """Share of the last scan that the map explains, 0..1."""
+        """Inlier ratio of the last scan in the map, 0..1."""
 
     @property
     def covariance(self) -> Floats:
-        """Of the last pose in the frame of the first, (3, 3) [m, rad]; inf: unknown; never 0."""
+        """Covariance (3, 3) [m, rad] of the last pose relative to the first; inf: unknown; > 0."""
 
 
 def against_map(slam: Any) -> Any:
-    """Covariance of the last pose against the map around it; of one that has none, the other."""
+    """Covariance of the last pose relative to the map around it, else to the first pose."""
     return getattr(slam, "local_covariance", getattr(slam, "covariance", None))
 
 
 @runtime_checkable
 class Corrected(Protocol):
-    """An algorithm that corrects poses afterwards, as loop closure does."""
+    """An algorithm that corrects earlier poses, as loop closure does."""
 
     def corrected(self) -> Floats:
-        """Poses (n, 3) of all scans so far, as they are known now."""
+        """Present estimate of the poses (n, 3) of all scans so far."""

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from slams.types import OccupancyGrid, Pose2
-from tests.rooms import ROOM, box, laser, moved, scan_at, way
+from tests.rooms import ROOM, box, drive_poses, laser, moved, scan_at
 
 CELL, MARGIN = 0.05, 0.5
 LIDAR = laser(541)
@@ -39,7 +39,7 @@ def noisy(pose, seed=0, lidar=LIDAR, segments=ROOM, **more):
 
 def truth(n=40):
     """The poses (n, 3) of a way that begins at START."""
-    return moved(START, way(n, 0.05))
+    return moved(START, drive_poses(n, 0.05))
 
 
 def seen(n, lidar):

@@ -8,7 +8,7 @@ import numpy as np
 from slams import run
 from slams.geometry import Prior
 from slams.registry import BASELINES, BUILT_IN, find, names
-from slams.test_world import ROOM, box, cast, drive, laser, scan_at, way  # noqa: F401
+from slams.test_world import ROOM, box, cast, drive, drive_poses, laser, scan_at  # noqa: F401
 from slams.types import IDENTITY, Pose2
 
 ALGORITHMS = [name for name in BUILT_IN if name not in BASELINES]

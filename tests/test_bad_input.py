@@ -43,7 +43,7 @@ run hector room.npz --resume-state room.npz | not a state: no head;
 run hector room.npz --resume-state . | is a directory
 run hector room.npz --save-state no/x | no such folder
 run hector room.npz --save-state . | is a folder
-run kiss room.npz --save-state k | kiss cannot be saved: slam._new is of the class
+run kiss room.npz --save-state k | kiss cannot be saved: slam._icp_class is of the class
 run hector room.npz --localize bad.yaml | its picture none.pgm is not
 run hector room.npz --localize room.npz | not a state
 run odometry room.npz --localize map.yaml | odometry cannot localize in a map that is given

@@ -11,7 +11,14 @@ import pytest
 
 import slams.frontend
 from bench.sim.sensors import SENSORS
-from slams.params import FARTHEST, GREATEST, LASERS, MOST, SEEDS, Params
+from slams.params import (
+    LASER_MODELS,
+    MAX_COUNT,
+    MAX_LENGTH,
+    MAX_NUMBER,
+    MAX_SEED,
+    Params,
+)
 from slams.registry import find
 from tests.rooms import ALGORITHMS, ORIGINALS
 
@@ -61,19 +68,19 @@ def test_every_parameter_tells_what_it_is_and_every_number_its_bounds(cls):
     for name, spec in specs.items():
         assert spec.unit and len(spec.meaning) > 5 and len(spec.source) >= 4, name
     for name, (low, high) in bounds(cls).items():
-        assert low < high <= SEEDS, name
+        assert low < high <= MAX_SEED, name
         if kinds[name] is int and name != "seed":
             assert specs[name].low is not None, f"{name} has no least value"
             assert specs[name].high is not None, f"{name} has no greatest value"
             assert name in SIZES or high <= CHEAP.get(name, MOST_STEPS), name
         if kinds[name] is float:
-            assert high <= (FARTHEST if specs[name].unit == "m" else GREATEST), name
+            assert high <= (MAX_LENGTH if specs[name].unit == "m" else MAX_NUMBER), name
         for value in (low, high):
             assert getattr(cls().replace(**{name: value}), name) == value
         for value in (high * 1.01 + 1.0, 1e300):
             with pytest.raises(ValueError, match=f"parameter '{name}': got"):
                 cls().replace(**{name: kinds[name](value)})
-    assert MOST <= 1e6
+    assert MAX_COUNT <= 1e6
 
 
 @pytest.mark.parametrize("label", LABELS)
@@ -104,14 +111,14 @@ def test_the_greatest_of_everything_fits_into_memory(label, monkeypatch):
 
 
 def test_the_lasers_are_those_of_the_simulator():
-    assert sorted(LASERS) == sorted(SENSORS)
+    assert sorted(LASER_MODELS) == sorted(SENSORS)
 
 
-@pytest.mark.parametrize("sensor", LASERS)
+@pytest.mark.parametrize("sensor", LASER_MODELS)
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_every_preset_takes_every_sensor(name, sensor):
     for preset in find(name).cls.Params.presets():
         params = find(f"{name}@{preset}").params()
-        assert set(params.SENSORS) <= set(LASERS)
+        assert set(params.SENSORS) <= set(LASER_MODELS)
         changed = params.for_sensor(sensor)
         assert changed.as_dict() == params.as_dict() | params.SENSORS.get(sensor, {})

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from slams import __main__ as slams
-from slams.registry import BUILT_IN, IDEAS, names
+from slams.registry import BUILT_IN, DESCRIPTIONS, names
 from tests import try_wheel
 from tests.places import ROOT
 from tests.processes import python
@@ -43,11 +43,11 @@ def test_every_command_stands_in_the_list_with_what_it_does(capsys):
 
 
 def test_every_algorithm_has_its_idea_in_about_five_words(monkeypatch):
-    assert set(IDEAS) <= set(names())
-    for name, idea in IDEAS.items():
+    assert set(DESCRIPTIONS) <= set(names())
+    for name, idea in DESCRIPTIONS.items():
         assert 4 <= len(idea.replace("baseline: ", "").split()) <= 5 or name in ("odometry",), name
         assert idea in slams.listed()
-    monkeypatch.setattr(slams, "names", lambda: [*IDEAS, "theirs"])
+    monkeypatch.setattr(slams, "names", lambda: [*DESCRIPTIONS, "theirs"])
     assert "  theirs    of another package\n" in slams.listed()
 
 

@@ -15,7 +15,7 @@ from bench.run.single import params_of
 from bench.sim.setting import Setting
 from slams import run
 from slams.__main__ import COMMANDS
-from slams.registry import GROUP
+from slams.registry import ENTRY_POINT_GROUP
 from tests.places import ROOT
 
 DOCS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -194,7 +194,7 @@ def test_every_dotted_name_leads_to_something(path):
     for span in spans(path.read_text(encoding="utf-8")):
         plain = re.fullmatch(r"[A-Za-z_]\w*(\.\w+)+(\(.*\)(\.\w+\(\))?)?", span)
         if plain and not FILE.fullmatch(span) and not re.search(rf"{SUFFIXES}$", span):
-            assert span == GROUP or resolved(span), span
+            assert span == ENTRY_POINT_GROUP or resolved(span), span
 
 
 def slug(heading):

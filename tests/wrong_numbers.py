@@ -13,7 +13,7 @@ import numpy as np
 import slams
 from slams import LiveSlam, Pose2, convert
 from slams.registry import create
-from slams.test_world import drive, laser, scan_at, way
+from slams.test_world import drive, drive_poses, laser, scan_at
 from tests import bags
 from tests.rooms import fields_of, push_fields
 
@@ -154,7 +154,7 @@ def npz(rng, folder, algorithm):
 
 def live(rng, folder, algorithm):
     """Pushes in a row, some of them wrong; good ones afterwards find the robot again."""
-    robot, poses, taken = LiveSlam(algorithm, warm_up=False), way(24, 0.1), False
+    robot, poses, taken = LiveSlam(algorithm, warm_up=False), drive_poses(24, 0.1), False
     t = float(rng.choice([0.0, 1.7e9]))
     for k in range(int(rng.integers(2, 10))):
         fields = _fields(t + 0.1 * k, poses[k])

@@ -14,7 +14,7 @@ from bench.report.lines import Table
 from bench.report.sweep_tables import MODES
 from bench.report.text import head, markdown_table, titled
 from bench.results.sweep import Sweep
-from slams.registry import BUILT_IN, IDEAS, names
+from slams.registry import BUILT_IN, DESCRIPTIONS, names
 
 N_FRONT_QUESTIONS = 2  # on the front page: which program to use, which idea is best
 
@@ -51,7 +51,7 @@ def front_table(found: Kept, swept: Kept) -> str:
     rows = dict.fromkeys(str(name).rpartition(", ")[0] for name in held)
     lines = {
         _linked(name): {
-            "idea": IDEAS.get(name),
+            "idea": DESCRIPTIONS.get(name),
             "error over 1 s [mm]": runs.get(name, {}).get("1 s [mm]"),
             **{f"levels held, {m} [%]": _short(held.get(f"{name}, {m}")) for m in MODES.values()},
             "per scan [ms]": runs.get(name, {}).get("CPU [ms]"),

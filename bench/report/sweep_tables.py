@@ -12,7 +12,7 @@ from bench.judge.survival import Critical
 from bench.report.lines import Table, listed, scaled
 from bench.report.text import text_table
 from bench.results import Line
-from slams.params import worded
+from slams.params import setting_text
 
 MODES = {False: "laser alone", True: "with odometry"}
 ROWS_TITLE = "All runs of each row"
@@ -172,7 +172,7 @@ def head(found: Analysis, facts: Line) -> str:
 def _settings(facts: Line) -> str:
     """The settings of rows that are not part of their names."""
     texts = {
-        name: " and ".join(f"{key}={worded(value)}" for key, value in changes.items())
+        name: " and ".join(f"{key}={setting_text(value)}" for key, value in changes.items())
         for name, changes in facts.get("settings", {}).items()
     }
     return "".join(f"; {name} with {text}" for name, text in texts.items())

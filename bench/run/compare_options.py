@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from bench.run import options, single
 from slams import cli
-from slams.params import LASERS
+from slams.params import LASER_MODELS
 from slams.registry import names
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def parser() -> argparse.ArgumentParser:
         help="map of that program, a map_server yaml",
     )
     p.add_argument(
-        "--sensor", metavar="NAME", help=f"parameters for this laser: {', '.join(LASERS)}"
+        "--sensor", metavar="NAME", help=f"parameters for this laser: {', '.join(LASER_MODELS)}"
     )
     p.add_argument(
         "--ros-params",

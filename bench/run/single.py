@@ -187,13 +187,13 @@ def _assigned(text: str, algorithms: Mapping[str, object]) -> tuple[list[str], s
         name, assignment = _parted("--set", text, "KEY=VALUE", algorithms)
         return [name], assignment
     key, _ = cli.assignment(text)
-    from slams.params import nearest
+    from slams.params import did_you_mean
 
     known = {name: params_of(name).specs() for name in algorithms}
     having = [name for name, specs in known.items() if key in specs]
     if not having:
         every = {parameter for specs in known.values() for parameter in specs}
-        hint = nearest(key, sorted(every))
+        hint = did_you_mean(key, sorted(every))
         raise LookupError(
             f"--set: got {text!r}, expected a parameter of {' or '.join(algorithms)}{hint}"
         )

@@ -10,7 +10,7 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-from slams.cli import THREADS
+from slams.cli import THREAD_VARIABLES
 
 STATUS_FILE = Path("/proc/self/status")
 PEAK_RESET_FILE = Path("/proc/self/clear_refs")
@@ -60,5 +60,5 @@ def machine() -> dict[str, Any]:
     with contextlib.suppress(OSError, StopIteration):
         lines = Path("/proc/cpuinfo").read_text().splitlines()
         cpu = next(ln for ln in lines if ln.startswith("model name")).partition(":")[2].strip()
-    threads = {name: os.environ.get(name) for name in THREADS}
+    threads = {name: os.environ.get(name) for name in THREAD_VARIABLES}
     return {"cpu": cpu, "system": platform.system(), "threads": threads}

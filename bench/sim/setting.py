@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from bench.sim.sensors import SENSORS
-from slams.params import nearest
+from slams.params import did_you_mean
 
 T = TypeVar("T")
 
@@ -50,7 +50,7 @@ def look_up(kind: str, name: str, known: Mapping[str, T]) -> T:
     """
     if name in known:
         return known[name]
-    hint = nearest(name.lower(), known)
+    hint = did_you_mean(name.lower(), known)
     raise LookupError(f"unknown {kind} {name!r}{hint} (known: {', '.join(known)})")
 
 

@@ -26,7 +26,7 @@ from slams.formats.packed import name_of, text_of
 from slams.formats.sweep import LaserMount, Sweep, has_directions, resampled
 from slams.scanlog import ScanLog, TimeSeries
 from slams.types import Floats, Laser, Pose2, Ranges
-from slams.validation import FAR, LATEST
+from slams.validation import MAX_POSE_VALUE, MAX_STAMP
 
 LASER_MESSAGE = re.compile(r"(FLASER|RLASER|RAWLASER\d|ROBOTLASER\d)$")
 FRONT_LASERS = ("ROBOTLASER1", "FLASER", "RAWLASER1")  # the same laser; the first has most data
@@ -190,13 +190,13 @@ def _pose_row(words: list[str]) -> list[float]:
 
 def _stamp(words: list[str]) -> float:
     stamp = float(words[-N_TRAILING_WORDS])
-    _expect(abs(stamp) < LATEST)
+    _expect(abs(stamp) < MAX_STAMP)
     return stamp
 
 
 def _numbers(words: list[str]) -> list[float]:
     numbers = [float(word) for word in words]
-    _expect(all(abs(number) < FAR for number in numbers))
+    _expect(all(abs(number) < MAX_POSE_VALUE for number in numbers))
     return numbers
 
 

@@ -13,7 +13,7 @@ from slams.ros.attitude import headings, roll_and_pitch, vertical_of
 from slams.ros.messages import seconds
 from slams.scanlog import TimeSeries
 from slams.types import Floats, Pose2, wrap_angle
-from slams.validation import FAR
+from slams.validation import MAX_POSE_VALUE
 
 FIXED_TF_TOLERANCE = 1e-4  # m, and of a quaternion; rounding changes a fixed transform by less
 LEVEL_FRAMES = ("base_stabilized", "base_footprint")  # frames that stay level under a tilting base
@@ -43,7 +43,7 @@ class Transforms:
             edge = without_slash(item.header.frame_id), without_slash(item.child_frame_id)
             p, q = item.transform.translation, item.transform.rotation
             row = (seconds(item.header.stamp), p.x, p.y, p.z, q.x, q.y, q.z, q.w)
-            if edge[0] != edge[1] and all(abs(value) < FAR for value in row[1:]):
+            if edge[0] != edge[1] and all(abs(value) < MAX_POSE_VALUE for value in row[1:]):
                 new.setdefault(edge, []).append(row)
         for edge, rows in new.items():
             self.samples.setdefault(edge, []).extend(rows)

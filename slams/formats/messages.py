@@ -16,7 +16,7 @@ from slams.ros import messages as ros
 from slams.ros.attitude import ImuAttitude
 from slams.scanlog import TimeSeries
 from slams.types import Floats
-from slams.validation import FAR
+from slams.validation import MAX_POSE_VALUE
 
 
 class Row(NamedTuple):
@@ -102,7 +102,7 @@ class Messages:
         """Poses over time; poses that are not finite are left out."""
         stamps, rows = self.series(topic)
         values: Floats = np.array(rows, np.float64).reshape(-1, 3)
-        valid = np.all(np.abs(values) < FAR, axis=1)
+        valid = np.all(np.abs(values) < MAX_POSE_VALUE, axis=1)
         return TimeSeries(stamps[valid], values[valid]) if valid.any() else None
 
 
@@ -113,7 +113,7 @@ def imu_series(
     imu = ImuAttitude(rotation)
     stamped = [row._replace(stamp=stamp) for stamp, row in zip(t.tolist(), rows, strict=True)]
     table = np.array([imu.push(row) for row in stamped]).reshape(-1, 4)
-    valid = np.abs(table) < FAR  # False for nan
+    valid = np.abs(table) < MAX_POSE_VALUE  # False for nan
     rates, tilts = table[valid[:, 1]], table[valid[:, 2:].all(axis=1)]
     rate = TimeSeries(rates[:, 0].copy(), rates[:, 1].copy()) if len(rates) else None
     attitude = TimeSeries(tilts[:, 0].copy(), tilts[:, 2:].copy()) if len(tilts) else None

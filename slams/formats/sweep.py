@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slams.types import Floats, Laser, Pose2, Ranges
-from slams.validation import LONGEST_RANGE
+from slams.validation import MAX_LASER_RANGE
 
 DIRECTION_TOLERANCE = 0.01  # of the angle increment; closer directions are the same
 
@@ -139,11 +139,11 @@ def _readings_at(sweep: Sweep, target: Laser) -> Ranges:
 def _limits(geometry: Laser, rows: Ranges, notes: list[str]) -> tuple[float, float]:
     """The driver's range limits, or limits from the readings if those are not valid."""
     low, high = geometry.range_min, geometry.range_max
-    if not 0.0 <= low < LONGEST_RANGE:
+    if not 0.0 <= low < MAX_LASER_RANGE:
         low = 0.0
-    if not low < high <= LONGEST_RANGE:
-        valid = rows[(rows > low) & (rows < LONGEST_RANGE)]
-        high = min(float(valid.max()) * 1.001, LONGEST_RANGE) if valid.size else low + 1.0
+    if not low < high <= MAX_LASER_RANGE:
+        valid = rows[(rows > low) & (rows < MAX_LASER_RANGE)]
+        high = min(float(valid.max()) * 1.001, MAX_LASER_RANGE) if valid.size else low + 1.0
         notes.append(f"range_max is {geometry.range_max:g}; {high:.2f} m is used instead")
     return low, high
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from slams.live.estimate import MAX_CONSECUTIVE_LATE
 from slams.types import Pose2, wrap_angle
-from slams.validation import LATEST, can_be
+from slams.validation import MAX_STAMP, is_plausible
 
 MIN_KEPT_SAMPLES = 2000  # 10 s at 200 Hz; older ones are deleted
 SAMPLE_TIMEOUT = 1.0  # s without a sample; after that no scan waits for the next sample
@@ -38,11 +38,11 @@ class Series:
 
     def push(self, t: float, *values: float) -> None:
         """Add a sample; impossible values are left out."""
-        if not can_be(*values):
+        if not is_plausible(*values):
             return
         self.received = time.monotonic()
         self._n_late = self._n_late + 1 if self.t and t <= self.t[-1] else 0
-        if 0 < self._n_late <= MAX_CONSECUTIVE_LATE or abs(t) >= LATEST:
+        if 0 < self._n_late <= MAX_CONSECUTIVE_LATE or abs(t) >= MAX_STAMP:
             return
         if self._n_late:  # the clock was set back
             self.t.clear()

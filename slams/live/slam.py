@@ -32,7 +32,7 @@ from slams.types import (
     Scan,
     Slam,
 )
-from slams.validation import LONGEST_SWEEP, can_be, check_laser, check_stamps, expect
+from slams.validation import MAX_SWEEP_TIME, check_laser, check_stamps, expect, is_plausible
 
 MAX_RESUME_GAP = 60.0  # s after a state's last scan; after more the odometry may have been reset
 PUSH_COUNTERS = ("scans", "late", "repeated", "clock_set_back")
@@ -128,7 +128,7 @@ class LiveSlam:
             expect(len(odometry) == 3, "odometry", f"{len(odometry)} numbers", "x, y, theta")
         _, (ranges, geometry) = READERS[SCAN_TYPE](message)
         duration = geometry.time_increment * geometry.n_beams
-        increment = geometry.time_increment if 0.0 < duration <= LONGEST_SWEEP else 0.0
+        increment = geometry.time_increment if 0.0 < duration <= MAX_SWEEP_TIME else 0.0
         laser = replace(geometry, mount=self._mount, time_increment=increment)
         scan = Scan(
             seconds(message.header.stamp),
@@ -228,8 +228,8 @@ class LiveSlam:
         return replace(
             scan,
             laser=last.laser if last is not None and last.laser == scan.laser else scan.laser,
-            odometry=None if odometry is None or not can_be(*odometry) else odometry,
-            yaw=None if yaw is None or not can_be(yaw) else yaw,
+            odometry=None if odometry is None or not is_plausible(*odometry) else odometry,
+            yaw=None if yaw is None or not is_plausible(yaw) else yaw,
         )
 
     def _previous_if_not_newer(self, t: float) -> Estimate | None:

@@ -38,7 +38,7 @@ def warm_up(slam_class: type[Slam], params: Params) -> None:
 def _warm_up_loops(scan: Scan) -> None:
     from slams.frontend.correlative import Window
     from slams.loops import PoseGraph
-    from slams.loops.matching import LocalMap, keyframe, read
+    from slams.loops.matching import LocalMap, keyframe, read_end_points
 
     new_keyframe, graph = keyframe(scan, IDENTITY), PoseGraph()
     for _ in range(2):
@@ -47,5 +47,5 @@ def _warm_up_loops(scan: Scan) -> None:
     graph.iterate()
     local_map = LocalMap([new_keyframe], [IDENTITY])
     local_map.search(new_keyframe.ends, Window(IDENTITY, 1.0, 0.1), 0.0)
-    local_map.fit(read(scan, IDENTITY)[0], IDENTITY)
-    local_map.agreement(new_keyframe.ends, IDENTITY)
+    local_map.fit(read_end_points(scan, IDENTITY)[0], IDENTITY)
+    local_map.match_score(new_keyframe.ends, IDENTITY)

@@ -1,9 +1,9 @@
-"""Loop closure: a pose graph over keyframes around any algorithm that offers two hooks.
+"""Loop closure: a pose graph over keyframes for any algorithm that offers two hooks.
 
     >>> slam = slams.create("hector+loops")
 
-`Looped` wraps the algorithm, a `slams.localize.Localizes`; `PoseGraph` holds keyframes, steps and
-loops; `LoopDetector` finds loops; `Redraw` draws the map anew after a closure.
+`Looped` wraps an algorithm that is a `slams.localize.Localizes`. `PoseGraph` holds keyframes,
+steps and loops. `LoopDetector` finds loops. `Redraw` builds a new map from corrected keyframes.
 """
 
 from slams.loops.graph import LoopEdge, PoseGraph

@@ -1,4 +1,4 @@
-"""PoseGraph: keyframes, the steps between them, loops, and the poses that fit both best.
+"""PoseGraph: poses of keyframes, optimized over the steps between them and over loop closures.
 
 [Olson08] E. Olson: Robust and Efficient Robotic Mapping. PhD thesis, MIT 2008. [Grisetti10] G.
 Grisetti, R. Kuemmerle, C. Stachniss, W. Burgard: A Tutorial on Graph-Based SLAM. IEEE ITS Magazine
@@ -19,8 +19,18 @@ from scipy.sparse.linalg import splu
 from slams.loops.graph_kernels import propagate
 from slams.types import Floats, Pose2, wrap_angle
 
-LEVER = 10.0  # m a radian counts for
-ROOT_INFORMATION = 1e12  # holds the first keyframe where it is
+HEADING_LEVER_ARM = 10.0  # m: a heading error counts as the position error at this distance
+
+
+def position_distance(one: Pose2, other: Pose2) -> float:
+    """Distance between two positions [m]."""
+    return math.hypot(one.x - other.x, one.y - other.y)
+
+
+def pose_distance(one: Pose2, other: Pose2) -> float:
+    """Distance between two positions plus that of their headings at the lever arm [m]."""
+    rotation = abs(wrap_angle(one.theta - other.theta))
+    return position_distance(one, other) + HEADING_LEVER_ARM * rotation
 
 
 class LoopEdge(NamedTuple):
@@ -33,10 +43,10 @@ class LoopEdge(NamedTuple):
 
 
 class PoseGraph:
-    """Keyframes in a chain of steps, and loops between them.
+    """A chain of keyframes, with a step between each two neighbors and loop edges.
 
-    `poses` (n, 3) x, y [m], theta [rad] in the map; `path` (n,) [m] driven so far; `loops` closed:
-    what is added to them moves the poses by `iterate`.
+    `poses` (n, 3) x, y [m], theta [rad] in the map frame; `path` (n,) path length [m] up to each.
+    Edges may be appended to the list `loops`; the next `iterate` uses them.
     """
 
     def __init__(self) -> None:
@@ -46,17 +56,17 @@ class PoseGraph:
 
     @property
     def n(self) -> int:
-        """How many keyframes there are."""
+        """Number of keyframes."""
         return len(self.poses)
 
     def pose(self, k: int) -> Pose2:
-        """Of one keyframe."""
+        """The pose of keyframe `k` in the map frame."""
         return Pose2(*self.poses[k].tolist())
 
     def append(self, step: Pose2, variances: Floats) -> None:
-        """A keyframe one step behind the last, in whose frame the variances (3,) are.
+        """Add a keyframe at `step` [m, rad] from the last one; the first keyframe is at `step`.
 
-        The first keyframe is at `step`.
+        `variances` (3,) [m^2, rad^2] of the step, in the frame of the last keyframe.
         """
         pose, path = step, 0.0
         if self.n:
@@ -70,61 +80,61 @@ class PoseGraph:
         return self.pose(earlier).between(self.pose(later))
 
     def uncertainty(self, root: int) -> Floats:
-        """Covariance (n, 3, 3) of all poses relative to that of `root`.
+        """Covariance (n, 3, 3) of all poses relative to keyframe `root`, in the map's axes.
 
-        In the map's axes, along the surest path through steps and loops ("Dijkstra projection" of
-        [Olson08]): an error of one heading moves the next keyframe by the lever between them.
+        Each covariance is summed along the path of least variance through steps and loops, the
+        "Dijkstra projection" of [Olson08].
         """
         n, (loops, _, information) = self.n, self._stacked_loops()
         k, variances = np.arange(n - 1), self._variances[1:]
         noise = np.asarray(np.linalg.inv(information), np.float64)
-        weights = np.array((1.0, 1.0, LEVER**2))
+        weights = np.array((1.0, 1.0, HEADING_LEVER_ARM**2))
         costs = variances @ weights, np.diagonal(noise, axis1=1, axis2=2) @ weights
         rows, columns = np.append(k, loops[:, 0]), np.append(k + 1, loops[:, 1])
-        links = csr_array((np.concatenate(costs), (rows, columns)), shape=(n, n))
+        edges = csr_array((np.concatenate(costs), (rows, columns)), shape=(n, n))
         distance, parents = dijkstra(
-            links, directed=False, indices=np.array(root), return_predecessors=True
+            edges, directed=False, indices=np.array(root), return_predecessors=True
         )
         order = np.argsort(distance, kind="stable")[1:]
-        before = parents[order]
-        earlier, later = np.minimum(order, before), np.maximum(order, before)
-        added = np.zeros((n - 1, 3, 3))  # by the edge from the keyframe before on the path
+        parents = parents[order]
+        earlier, later = np.minimum(order, parents), np.maximum(order, parents)
+        added = np.zeros((n - 1, 3, 3))  # covariance of the edge from the parent
         added[:, range(3), range(3)] = self._variances[later]
         is_loop, pairs = later - earlier > 1, loops @ (n, 1)
         by_pair = np.argsort(pairs, kind="stable")
-        found = np.searchsorted(pairs[by_pair], (earlier * n + later)[is_loop])
-        added[is_loop] = noise[by_pair[found]]
+        index = np.searchsorted(pairs[by_pair], (earlier * n + later)[is_loop])
+        added[is_loop] = noise[by_pair[index]]
         R = np.zeros((n - 1, 3, 3))
         R[:, 0, 0] = R[:, 1, 1] = np.cos(self.poses[earlier, 2])
         R[:, 1, 0] = np.sin(self.poses[earlier, 2])
         R[:, 0, 1], R[:, 2, 2] = -R[:, 1, 0], 1.0
         out = np.zeros((n, 3, 3))
-        propagate(self.poses, order, before, R @ added @ R.transpose(0, 2, 1), out)
+        propagate(self.poses, order, parents, R @ added @ R.transpose(0, 2, 1), out)
         return out
 
     def iterate(self) -> float:
-        """One Gauss-Newton iteration on all steps and loops; the largest move [m, rad].
+        """One Gauss-Newton iteration on all steps and loops; returns the largest change [m, rad].
 
-        [Grisetti10] sec. III with residuals in the frame of the earlier keyframe: the difference of
-        positions, and of headings.
+        [Grisetti10] sec. III. A residual is the difference of position and heading, in the frame
+        of the earlier keyframe.
         """
-        n, poses, (loops, of_loops, information) = self.n, self.poses, self._stacked_loops()
+        n, poses, (loops, loop_poses, information) = self.n, self.poses, self._stacked_loops()
         k = np.arange(n - 1)
         i, j = np.append(k, loops[:, 0]), np.append(k + 1, loops[:, 1])
-        measured = np.concatenate([self._steps[1:], of_loops])
+        measured = np.concatenate([self._steps[1:], loop_poses])
         W = np.zeros((len(i), 3, 3))
         W[: n - 1, range(3), range(3)] = 1.0 / self._variances[1:]
         W[n - 1 :] = information
         r, A, B = _linearized(poses[i], poses[j], measured)
         m = len(i)
-        parts = np.stack([i, j], axis=1).ravel(), np.arange(0, 2 * m + 1, 2)
+        blocks = np.stack([i, j], axis=1).ravel(), np.arange(0, 2 * m + 1, 2)
         J, WJ = (
-            bsr_array((np.stack(both, axis=1).reshape(-1, 3, 3), *parts), shape=(3 * m, 3 * n))
+            bsr_array((np.stack(both, axis=1).reshape(-1, 3, 3), *blocks), shape=(3 * m, 3 * n))
             for both in ((A, B), (W @ A, W @ B))
         )
         H = (J.T @ WJ).tocsc()
-        H[range(3), range(3)] += ROOT_INFORMATION
-        # a matrix of small blocks: factored column by column, more at once take twice as long
+        H[range(3), range(3)] += 1e12  # the first keyframe fixes the map frame
+        # the blocks are small: to factor one column at a time takes half the time of wider panels
         solver = splu(
             H,
             permc_spec="MMD_AT_PLUS_A",
@@ -133,18 +143,18 @@ class PoseGraph:
             panel_size=1,
             options={"SymmetricMode": True},
         )
-        move = solver.solve(-(WJ.T @ r.ravel())).reshape(n, 3)
-        poses += move
+        change = solver.solve(-(WJ.T @ r.ravel())).reshape(n, 3)
+        poses += change
         poses[:, 2] = wrap_angle(poses[:, 2])
-        return float(np.abs(move).max())
+        return float(np.abs(change).max())
 
     def _stacked_loops(self) -> tuple[NDArray[np.int64], Floats, Floats]:
-        """Of all loops the keyframes (m, 2), poses (m, 3) and information (m, 3, 3)."""
-        ends = [(edge.earlier, edge.later) for edge in self.loops]
+        """Keyframe indices (m, 2), poses (m, 3) and information (m, 3, 3) of all loops."""
+        keyframes = [(edge.earlier, edge.later) for edge in self.loops]
         poses = np.array([edge.pose for edge in self.loops], np.float64)
         information = np.array([edge.information for edge in self.loops], np.float64)
-        rows = np.array(ends, np.int64).reshape(-1, 2)
-        return rows, poses.reshape(-1, 3), information.reshape(-1, 3, 3)
+        indices = np.array(keyframes, np.int64).reshape(-1, 2)
+        return indices, poses.reshape(-1, 3), information.reshape(-1, 3, 3)
 
 
 def _linearized(a: Floats, b: Floats, measured: Floats) -> tuple[Floats, Floats, Floats]:

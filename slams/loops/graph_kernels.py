@@ -1,4 +1,4 @@
-"""Kernel of the pose graph: how uncertain one keyframe is, seen from another."""
+"""Kernel of the pose graph: covariances of keyframes relative to one of them."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from slams.types import Floats
 
 @njit
 def propagate(
-    poses: Floats, order: NDArray[np.int64], before: NDArray[np.int32], added: Floats, out: Floats
+    poses: Floats, order: NDArray[np.int64], parents: NDArray[np.int32], added: Floats, out: Floats
 ) -> None:
-    """Covariance of every pose relative to a root, along the tree of the surest paths [Olson08].
+    """Covariance of every pose relative to a root, along the tree of shortest paths [Olson08].
 
-    J S J^T + the step's: an error of the parent's heading moves the child by the lever between
-    them. poses (n, 3); order (k,) nodes, each behind its parent `before` (k,), without the root;
-    added (k, 3, 3) of the step to each, all in the map's axes; out (n, 3, 3).
+    C = J S J^T + that of the edge: a heading error of the parent moves the child by the lever arm
+    between them. poses (n, 3); order (k,) nodes without the root, each after its parent in
+    `parents` (k,); added (k, 3, 3) covariance of the edge to each node; out (n, 3, 3). All
+    covariances are in the map's axes.
     """
     for k in range(len(order)):
-        child, parent = order[k], before[k]
+        child, parent = order[k], parents[k]
         S, C = out[parent], out[child]
         levers = poses[parent, 1] - poses[child, 1], poses[child, 0] - poses[parent, 0], 0.0
         for i in range(3):
-            turned = S[i, 2] + levers[i] * S[2, 2]
+            cross = S[i, 2] + levers[i] * S[2, 2]
             for j in range(3):
-                C[i, j] = S[i, j] + levers[i] * S[2, j] + turned * levers[j] + added[k, i, j]
+                C[i, j] = S[i, j] + levers[i] * S[2, j] + cross * levers[j] + added[k, i, j]

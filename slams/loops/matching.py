@@ -1,4 +1,4 @@
-"""Matching a keyframe with the local map of some others, from a pose known to meters only.
+"""Match a keyframe with the local map of other keyframes, from a pose known to meters only.
 
 [LuMilios97] F. Lu, E. Milios: Globally Consistent Range Scan Alignment for Environment Mapping.
 Autonomous Robots 4, 1997.
@@ -22,24 +22,22 @@ from slams.refine.params import RefineParams
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Floats, Pose2, Scan
 
-CELL = 0.1  # m, of the likelihood and of the lines
-BESIDE = 0.6  # likelihood of a cell beside that of a wall
-FAR = 15.0  # m: farther end points are too sparse to draw a map of
-TOLERANCE = 0.15  # m, between the ranges of two keyframes that see one wall
-SCANS = RefineParams()  # how scans are read and lines drawn, whatever the algorithm does
-AMBIGUOUS = 0.3  # m, deviation of poses that match as well, along a corridor
-ALIKE = 0.05  # of the score: poses that match nearly as well
-EDGE = 0.01, 0.01, 0.003  # m, m, rad: deviations of a loop that is observed well
-CORRELATED = 9.0  # times the variance of a fit whose beams err independently
-BLIND = 1e-4  # 1/m^2: information along a direction that was not observed
-STARTED = np.diag((CELL**-2, CELL**-2, 0.03**-2))  # information of a start [1/m^2, 1/rad^2]
+LOCAL_MAP_CELL = 0.1  # m, edge of a cell of the likelihood field and of the lines
+ADJACENT_CELL_LIKELIHOOD = 0.6  # of the cells next to one with an end point, which has 1
+MAX_LOCAL_MAP_RANGE = 15.0  # m: farther end points are too far apart to draw a wall
+VISIBILITY_TOLERANCE = 0.15  # m that the ranges of two scans to one wall may differ
+LOCAL_MAP_PARAMS = RefineParams()  # defaults, so that no setting of the algorithm changes loops
+MAX_POSITION_SPREAD = 0.3  # m, deviation of near-best positions; beyond it an axis is degenerate
+NEAR_BEST_MARGIN = 0.05  # of likelihood: poses with at most so much less match equally well
+LOOP_EDGE_STD = 0.01, 0.01, 0.003  # m, m, rad: deviations of a loop in addition to its fit
+MIN_LOOP_INFORMATION = 1e-4  # 1/m^2, 1/rad^2: kept along a degenerate direction
+START_INFORMATION = np.diag((LOCAL_MAP_CELL**-2, LOCAL_MAP_CELL**-2, 0.03**-2))  # 1/m^2, 1/rad^2
 
 
 class Keyframe(NamedTuple):
     """A scan of the graph, the body twist during it [m/s, rad/s], and its end points (2, n) [m].
 
-    End points are in the base frame at the stamp of the scan; those too far to draw a map are left
-    out.
+    End points are in the base frame at the stamp, and only those within `MAX_LOCAL_MAP_RANGE`.
     """
 
     scan: Scan
@@ -47,37 +45,34 @@ class Keyframe(NamedTuple):
     ends: Floats
 
 
-class Found(NamedTuple):
-    """The best pose of a search and its score 0..1.
-
-    `spread` (2, 2) [m^2] of the poses that score nearly as well.
-    """
+class SearchResult(NamedTuple):
+    """The best pose of a search, its likelihood 0..1, spread (2, 2) [m^2] of near-best poses."""
 
     pose: Pose2
-    score: float
+    likelihood: float
     spread: Floats
 
 
-def read(scan: Scan, twist: Pose2) -> tuple[EndPoints, Pose2]:
-    """End points of a scan, and their frame in that of the base at the stamp."""
-    points = EndPoints(SCANS).read(scan, twist)
+def read_end_points(scan: Scan, twist: Pose2) -> tuple[EndPoints, Pose2]:
+    """End points of a scan, and the pose of their frame in the base frame at the stamp."""
+    points = EndPoints(LOCAL_MAP_PARAMS).read(scan, twist)
     return points, points.at_stamp(IDENTITY).inverse()
 
 
 def keyframe(scan: Scan, twist: Pose2) -> Keyframe:
-    """A scan made ready for the graph."""
-    points, middle = read(scan, twist)
-    ends = middle.transform(points.points[:2, : points.n].T).T
-    near = np.hypot(ends[0], ends[1]) < FAR
+    """The keyframe of a scan: its end points are deskewed by the body twist [m/s, rad/s]."""
+    points, frame = read_end_points(scan, twist)
+    ends = frame.transform(points.points[:2, : points.n].T).T
+    near = np.hypot(ends[0], ends[1]) < MAX_LOCAL_MAP_RANGE
     return Keyframe(scan, twist, np.ascontiguousarray(ends[:, near]))
 
 
 class LocalMap:
-    """Likelihood and lines of walls around a keyframe, drawn from it and its neighbors.
+    """Likelihood field and wall lines around a keyframe, drawn from it and its neighbors.
 
     Args:
-        keyframes: of which it is drawn.
-        poses: of these, in the frame of the map.
+        keyframes: the keyframes that the map is drawn from.
+        poses: their poses in the frame of the map.
     """
 
     def __init__(self, keyframes: Sequence[Keyframe], poses: Sequence[Pose2]) -> None:
@@ -85,94 +80,100 @@ class LocalMap:
 
         self.keyframes, self.poses = keyframes, poses
         ends = [pose.transform(k.ends.T).T for pose, k in zip(poses, keyframes, strict=True)]
-        every = np.ascontiguousarray(np.concatenate(ends, axis=1))
-        low, high = every.min(axis=1) - 2.0 * CELL, every.max(axis=1) + 2.0 * CELL
-        nx, ny = (np.ceil((high - low) / CELL).astype(int) + 1).tolist()
+        all_ends = np.ascontiguousarray(np.concatenate(ends, axis=1))
+        low = all_ends.min(axis=1) - 2.0 * LOCAL_MAP_CELL
+        high = all_ends.max(axis=1) + 2.0 * LOCAL_MAP_CELL
+        nx, ny = (np.ceil((high - low) / LOCAL_MAP_CELL).astype(int) + 1).tolist()
         walls = np.zeros((ny, nx), np.float32)
-        ix, iy = np.floor((every - low[:, None]) / CELL + 0.5).astype(int)
+        ix, iy = np.floor((all_ends - low[:, None]) / LOCAL_MAP_CELL + 0.5).astype(int)
         walls[iy, ix] = 1.0
-        beside = np.asarray(cv2.dilate(walls, np.ones((3, 3), np.uint8)), np.float32)
+        adjacent = np.asarray(cv2.dilate(walls, np.ones((3, 3), np.uint8)), np.float32)
+        likelihood = np.maximum(walls, ADJACENT_CELL_LIKELIHOOD * adjacent)
         x0, y0 = low.tolist()
-        self._lookup = LikelihoodField(np.maximum(walls, BESIDE * beside), x0, y0, CELL)
+        self._field = LikelihoodField(likelihood, x0, y0, LOCAL_MAP_CELL)
 
-    def search(self, ends: Floats, window: Window, enough: float) -> Found:
-        """The best pose of a window for end points (2, n) [m]; `enough`: a score it must have."""
-        poses, _ = search(self._lookup, ends, window, enough, ALIKE)
+    def search(self, ends: Floats, window: Window, min_likelihood: float) -> SearchResult:
+        """The best pose of a window for end points (2, n) [m]; likelihood 0 below the minimum."""
+        poses, _ = search(self._field, ends, window, min_likelihood, NEAR_BEST_MARGIN)
         if len(poses) == 0:
-            return Found(window.middle, 0.0, np.zeros((2, 2)))
-        top = poses[0]
-        off = poses[poses[:, 3] > top[3] - ALIKE, :2] - top[:2]
-        return Found(Pose2(*top[:3].tolist()), float(top[3]), off.T @ off / len(off))
+            return SearchResult(window.middle, 0.0, np.zeros((2, 2)))
+        best = poses[0]
+        offsets = poses[poses[:, 3] > best[3] - NEAR_BEST_MARGIN, :2] - best[:2]
+        spread = offsets.T @ offsets / len(offsets)
+        return SearchResult(Pose2(*best[:3].tolist()), float(best[3]), spread)
 
     def fit(self, points: EndPoints, start: Pose2) -> Match:
-        """Gauss-Newton on the lines of the local map, from a pose good to a cell."""
-        return self._lines.fit(points, start, Prior(start, STARTED))
+        """Gauss-Newton on the lines of the local map, from a pose that is right to a cell."""
+        return self._lines.fit(points, start, Prior(start, START_INFORMATION))
 
-    def agreement(self, ends: Floats, pose: Pose2) -> float:
-        """Share of the end points that its keyframes see too, less those that they see through."""
-        seen, through = np.zeros((2, ends.shape[1]), np.bool_)
+    def match_score(self, ends: Floats, pose: Pose2) -> float:
+        """Inlier ratio less the ratio of free-space conflicts, of end points (2, n) at a pose."""
+        inliers, conflicts = np.zeros((2, ends.shape[1]), np.bool_)
         for other, at in zip(self.keyframes, self.poses, strict=True):
             placed = (at @ other.scan.laser.mount).between(pose).transform(ends.T)
-            here, beyond = visible(placed, other.scan)
-            seen, through = seen | here, through | beyond
-        return float(seen.sum() - (through & ~seen).sum()) / max(len(seen), 1)
+            of_scan = check_visibility(placed, other.scan)
+            inliers, conflicts = inliers | of_scan[0], conflicts | of_scan[1]
+        return float(inliers.sum() - (conflicts & ~inliers).sum()) / max(len(inliers), 1)
 
     @cached_property
     def _lines(self) -> LineMap:
-        likelihood, x0, y0, *_ = self._lookup
-        seen = np.zeros_like(likelihood)
-        lines = LineMap(SCANS, seen, (x0, y0), CELL, free=-math.inf)  # no cell is
+        likelihood, x0, y0, *_ = self._field
+        cells = np.zeros_like(likelihood)  # none of them counts as free
+        lines = LineMap(LOCAL_MAP_PARAMS, cells, (x0, y0), LOCAL_MAP_CELL, free=-math.inf)
         for key, pose in zip(self.keyframes, self.poses, strict=True):
-            points, middle = read(key.scan, key.twist)
-            lines.insert(points, pose @ middle)
+            points, frame = read_end_points(key.scan, key.twist)
+            lines.insert(points, pose @ frame)
         return lines
 
 
-def visible(points: Floats, scan: Scan) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which points (n, 2) [m] in the frame of a laser its scan has seen, and seen through.
+def check_visibility(points: Floats, scan: Scan) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Masks (n,) of the inliers and of the free-space conflicts of points (n, 2) [m] with a scan.
 
-    [LuMilios97] A point between the ranges of the neighboring beams was seen; where all of these
-    went farther it was seen through; a hidden point is neither.
+    [LuMilios97] Points are in the laser's frame. A point within the ranges of the neighboring beams
+    is an inlier. A point that all of these beams passed is a conflict. A hidden point is neither.
     """
     laser, (x, y) = scan.laser, points.T
     ranges = np.minimum(scan.ranges.astype(float), laser.range_max)
     ranges = np.pad(ranges, 1, constant_values=math.nan)
-    beams = ranges[:-2], ranges[1:-1], ranges[2:]
-    low, high = (np.append(of.reduce(beams), math.nan) for of in (np.fmin, np.fmax))
-    turn = np.copysign(1.0, laser.angle_increment) * (np.arctan2(y, x) - laser.angle_min)
-    beam = (turn % (2.0 * math.pi) / abs(laser.angle_increment) + 0.5).astype(int)
-    low, high = (side[np.minimum(beam, len(scan.ranges))] for side in (low, high))
+    neighbors = ranges[:-2], ranges[1:-1], ranges[2:]
+    low, high = (np.append(f.reduce(neighbors), math.nan) for f in (np.fmin, np.fmax))
+    angle = np.copysign(1.0, laser.angle_increment) * (np.arctan2(y, x) - laser.angle_min)
+    beam = (angle % (2.0 * math.pi) / abs(laser.angle_increment) + 0.5).astype(int)
+    low, high = (limit[np.minimum(beam, len(scan.ranges))] for limit in (low, high))
     r = np.sqrt(x * x + y * y)
-    near = TOLERANCE + abs(laser.angle_increment) * r
-    seen = (low < laser.range_max) & (low - near <= r) & (r <= high + near)
-    return seen, (high > 0.0) & (r < low - near)
+    tolerance = VISIBILITY_TOLERANCE + abs(laser.angle_increment) * r
+    inliers = (low < laser.range_max) & (low - tolerance <= r) & (r <= high + tolerance)
+    return inliers, (high > 0.0) & (r < low - tolerance)
 
 
-def observed(points: EndPoints, theta: float, spread: Floats) -> Floats:
-    """What a match observes of a position (2, 2): the identity, or a projection across a corridor.
+def observable_part(points: EndPoints, theta: float, spread: Floats) -> Floats:
+    """Projection (2, 2) of a position onto the directions that a match observes.
 
-    By the normals of the scan [Zhang16], and by the `spread` of poses that match as well.
+    Degenerate directions follow from the normals of the scan [Zhang16], and from `spread`.
 
     Args:
         points: the scan.
         theta: its heading [rad] in the frame of the result.
-        spread: (2, 2) [m^2].
+        spread: (2, 2) [m^2] of `SearchResult`.
     """
-    seen = scan_observability(points, theta, position_measured=True)
-    blind = np.array((seen.x, seen.y))
-    projection: Floats = np.eye(2) - (1.0 - seen.share) * np.outer(blind, blind)
+    observed = scan_observability(points, theta, position_measured=True)
+    worst = np.array((observed.x, observed.y))
+    projection: Floats = np.eye(2) - (1.0 - observed.share) * np.outer(worst, worst)
     squares, axes = np.linalg.eigh(spread)
     for square, axis in zip(squares, axes.T, strict=True):
-        if square > AMBIGUOUS**2:
+        if square > MAX_POSITION_SPREAD**2:
             projection = projection @ (np.eye(2) - np.outer(axis, axis))
     return projection
 
 
-def information_of(match: Match, seen: Floats) -> Floats:
-    """Of a loop (3, 3): what the fit says of it, as far as the position is `seen` (2, 2)."""
-    noise = np.diag(np.square(EDGE))
-    scan = match.information + np.diag((BLIND, BLIND, BLIND))
-    projection = np.eye(3)
-    projection[:2, :2] = seen
-    information = np.linalg.inv(CORRELATED * np.linalg.inv(scan) + noise)
-    return projection.T @ information @ projection + np.diag((BLIND, BLIND, 0.0))
+def loop_information(match: Match, projection: Floats) -> Floats:
+    """Information (3, 3) of a loop: that of its fit, projected by (2, 2) onto observed positions.
+
+    ours: the fit's covariance counts nine times, as the errors of its beams are correlated.
+    """
+    noise = np.diag(np.square(LOOP_EDGE_STD))
+    fit = match.information + np.diag((MIN_LOOP_INFORMATION,) * 3)
+    P = np.eye(3)
+    P[:2, :2] = projection
+    information = np.linalg.inv(9.0 * np.linalg.inv(fit) + noise)
+    return P.T @ information @ P + np.diag((MIN_LOOP_INFORMATION, MIN_LOOP_INFORMATION, 0.0))

@@ -9,7 +9,7 @@ from slams.params import Params, param
 
 @dataclass(frozen=True)
 class LoopParams(Params):
-    """Keyframes of the pose graph, and how far its steps are trusted."""
+    """Spacing of the keyframes in the pose graph, and drift of the steps between them."""
 
     keyframe_distance: float = param(
         0.5, "m", "distance between two keyframes of the graph", source="ours: a doorway", low=0.05
@@ -20,21 +20,21 @@ class LoopParams(Params):
     drift: float = param(
         0.02,
         "m",
-        "deviation of the algorithm's steps after one meter; ten times as much after a hundred",
-        source="ours: without a loop 0.1 to 1 m are off after 100 m on public logs",
+        "standard deviation of a step after one meter; it grows with the square root of distance",
+        source="ours: errors of 0.1 to 1 m after 100 m without a loop on public logs",
         low=1e-4,
     )
     heading_drift: float = param(
         0.003,
         "rad",
-        "the same of the heading, after one meter or one radian",
+        "standard deviation of a step's heading after one meter or one radian",
         source="ours: public logs",
         low=1e-5,
     )
     loop_path: float = param(
         10.0,
         "m",
-        "path between two visits of a place, at least: the map itself holds nearer ones",
+        "least path length between two visits of a place: the map itself spans shorter ones",
         source="ours: larger than a room",
         low=1.0,
     )

@@ -1,8 +1,8 @@
-"""Looped: any algorithm with a pose graph behind it that closes loops.
+"""Looped: any algorithm, with a pose graph that closes loops.
 
-Per scan: the algorithm's own update; a keyframe of the graph, if it is due; then one piece of work:
-a candidate for a loop is matched, the graph is optimized by one iteration, or keyframes enter the
-new map. Once that map is complete the algorithm goes on in it, from its corrected pose.
+After the algorithm's own update a keyframe is added to the graph, if due. Then one piece of work
+is done: an iteration of the optimization, matches with loop closure candidates, or keyframes are
+inserted into a new map. Once that map is complete, the algorithm continues in it.
 """
 
 from __future__ import annotations
@@ -17,37 +17,23 @@ import numpy as np
 
 from slams.localize.hooks import Localizes
 from slams.loops.detector import LoopDetector
-from slams.loops.graph import LEVER, PoseGraph
+from slams.loops.graph import PoseGraph, pose_distance, position_distance
 from slams.loops.matching import Keyframe, keyframe
 from slams.loops.params import LoopParams
 from slams.params import Params
-from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, against_map, wrap_angle
+from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, against_map
 
-STEP_NOISE = 0.01, 0.01, 0.002  # m, m, rad: of every step between keyframes
-MOVED = 0.05  # m, and as many times 0.1 rad, that a keyframe has to move, or the map stays
-MIN_ENDS = 20  # end points of a keyframe
-JUMP = 0.2  # m that the algorithm may be off its own last step or the wheels': it closed a loop
-TRIES = 4  # candidates that are matched beside a keyframe; beside any other scan one
-REDRAWN = 4  # keyframes that enter the new map beside one scan
-PAUSE = 5  # scans to each keyframe of a map that was drawn anew, until the next
-SETTLED = 1e-4  # m, rad: the last iteration moves no pose by more
-PASSED = "state", "quality", "covariance", "local_covariance", "snapshot"
-
-
-def apart(one: Pose2, other: Pose2) -> float:
-    """Of two poses [m]."""
-    return math.hypot(one.x - other.x, one.y - other.y)
-
-
-def gap(one: Pose2, other: Pose2) -> float:
-    """Distance of two poses [m], as walls `LEVER` away show it."""
-    return apart(one, other) + LEVER * abs(wrap_angle(one.theta - other.theta))
+BASE_STEP_STD = 0.01, 0.01, 0.002  # m, m, rad: of each step, in addition to drift
+MIN_CORRECTION = 0.05  # m of pose distance by which a keyframe has to move before a redraw
+MIN_POSE_JUMP = 0.2  # m between a step and its prediction: the algorithm has closed a loop itself
+CANDIDATES_PER_KEYFRAME = 4  # matched beside a new keyframe; beside any other scan one
+FORWARDED_ATTRIBUTES = "state", "quality", "covariance", "local_covariance", "snapshot"
 
 
 class Redraw:
-    """A new instance of an algorithm into which keyframes enter, a few for each scan.
+    """A new instance of an algorithm, into which keyframes are inserted, a few beside each scan.
 
-    `done` once it has all that the graph has; `poses` at which keyframes are in the map.
+    `poses`: those at which keyframes were inserted so far.
     """
 
     def __init__(self, slam: Localizes, keyframes: list[Keyframe]) -> None:
@@ -57,16 +43,16 @@ class Redraw:
 
     @property
     def done(self) -> bool:
-        """Whether every keyframe is in the map."""
+        """Whether all keyframes of the graph are in the map."""
         return len(self.poses) == len(self._keyframes)
 
     def is_outdated(self, graph: PoseGraph) -> bool:
-        """Whether keyframes that are in the map have moved."""
+        """Whether the graph has moved a keyframe since it was inserted."""
         last = len(self.poses) - 1
-        return last >= 0 and gap(self.poses[last], graph.pose(last)) > MOVED
+        return last >= 0 and pose_distance(self.poses[last], graph.pose(last)) > MIN_CORRECTION
 
     def insert(self, count: int, graph: PoseGraph) -> None:
-        """Let the next `count` keyframes enter."""
+        """Insert the next `count` keyframes at their present poses."""
         first = len(self.poses)
         for k in range(first, min(first + count, len(self._keyframes))):
             self.poses.append(graph.pose(k))
@@ -74,10 +60,10 @@ class Redraw:
 
 
 class Looped:
-    """An algorithm and its pose graph; the pose is the algorithm's, in the map of the last closure.
+    """An algorithm and its pose graph; poses are the algorithm's, in the map of the last closure.
 
-    `frozen`: nothing enters the map, and no loop is closed. `slam` is the algorithm, `graph` the
-    pose graph, `keyframes` its scans.
+    `slam` is the algorithm, `graph` the pose graph, `keyframes` its scans. While `frozen`, the map
+    stays unchanged and no loop is closed.
     """
 
     Params: ClassVar[type[Params]] = LoopParams
@@ -85,194 +71,192 @@ class Looped:
 
     def __init__(self, params: Any) -> None:
         self.params = params
-        self.slam: Localizes = self._make()
+        self.slam: Localizes = self._new_instance()
         self.graph = PoseGraph()
         self.keyframes: list[Keyframe] = []
         self._detector = LoopDetector(self.graph, self.keyframes, params.loop_path)
         self._redraw: Redraw | None = None
-        self._pause = 0
-        self._moving = False
-        self._last: tuple[Scan, Pose2] | None = None
-        self._step = IDENTITY  # of the last scan
-        self._drawn: list[Pose2] = []  # keyframes in the algorithm's map
-        self._at = IDENTITY  # of the last one there
-        self._known = self._greatest = np.zeros(3)  # variances at the last keyframe, and since
-        self._jumps = 0.0  # m^2, since the last keyframe
-        self._scans: list[tuple[int, Pose2]] = []  # keyframe before it, -1: none, and step from it
-        self._redrawn = 0
+        self._pause = 0  # scans until the next redraw may start
+        self._is_optimizing = False
+        self._previous: tuple[Scan, Pose2] | None = None
+        self._previous_step = IDENTITY
+        self._map_poses: list[Pose2] = []  # of all keyframes, in the algorithm's map
+        self._keyframe_pose = IDENTITY  # of the last keyframe, in the algorithm's map
+        self._start_variances = self._max_variances = np.zeros(3)  # at the last keyframe, and since
+        self._jump_variance = 0.0  # m^2 of pose jumps since the last keyframe
+        self._steps: list[tuple[int, Pose2]] = []  # of each scan from keyframe k; -1: from the map
+        self._n_redrawn = 0
 
     def update(self, scan: Scan) -> Pose2:
         """The algorithm's update, and a piece of work on the graph."""
         pose = self.slam.update(scan)
         if self.frozen:
-            self._scans.append((-1, pose))
+            self._steps.append((-1, pose))
         else:
             self._follow(scan, pose)
-            before = self.graph.n
-            self._add(scan, pose)
-            self._scans.append((self.graph.n - 1, self._at.between(pose)))
+            n_before = self.graph.n
+            self._add_keyframe(scan, pose)
+            self._steps.append((self.graph.n - 1, self._keyframe_pose.between(pose)))
             if self.graph.n > 0:
-                pose = self._work(scan, pose, TRIES if self.graph.n > before else 1)
-        self._last = scan, pose
+                is_new = self.graph.n > n_before
+                pose = self._work(scan, pose, CANDIDATES_PER_KEYFRAME if is_new else 1)
+        self._previous = scan, pose
         return pose
 
     @property
     def frozen(self) -> bool:
-        """Whether the map stays as it is."""
+        """Whether the map stays unchanged."""
         return self.slam.frozen
 
     @frozen.setter
     def frozen(self, frozen: bool) -> None:
-        """Let the map stay as it is, or not."""
+        """Keep the map unchanged, or not."""
         self.slam.frozen = frozen
 
     def insert_at(self, scan: Scan, pose: Pose2) -> None:
-        """Let a scan enter the map at a known pose; it is no keyframe of the graph."""
+        """Insert a scan into the map at a known pose; it becomes no keyframe of the graph."""
         self.slam.insert_at(scan, pose)
-        self._last = None
+        self._previous = None
 
     def map(self) -> OccupancyGrid:
-        """The algorithm's."""
+        """The algorithm's map."""
         return self.slam.map()
 
     def report(self) -> dict[str, Any]:
-        """The algorithm's counts, and those of loops.
-
-        `keyframes` of the graph, `loops` closed, maps `redrawn`.
-        """
+        """The algorithm's counts, and `keyframes` of the graph, `loops` closed, maps `redrawn`."""
         counts = {"keyframes": self.graph.n, "loops": len(self.graph.loops)}
-        return self.slam.report() | counts | {"redrawn": self._redrawn}
+        return self.slam.report() | counts | {"redrawn": self._n_redrawn}
 
     def __getattr__(self, name: str) -> Any:
-        """The algorithm's, if it has it and it is one of `PASSED`."""
-        if name in PASSED:
+        """One of `FORWARDED_ATTRIBUTES` of the algorithm, if the algorithm has it."""
+        if name in FORWARDED_ATTRIBUTES:
             return getattr(self.slam, name)
         raise AttributeError(name)
 
     def corrected(self) -> Floats:
-        """Poses (n, 3) of all scans so far, as the graph has them now."""
-        poses = [self.graph.pose(k) @ step if k >= 0 else step for k, step in self._scans]
+        """Poses (n, 3) of all scans so far, by the present poses of the graph."""
+        poses = [self.graph.pose(k) @ step if k >= 0 else step for k, step in self._steps]
         return np.array(poses).reshape(-1, 3)
 
-    # the graph
-
-    def _make(self) -> Localizes:
-        known = self.algorithm.Params.specs()
-        values = {name: getattr(self.params, name) for name in known}
+    def _new_instance(self) -> Localizes:
+        names = self.algorithm.Params.specs()
+        values = {name: getattr(self.params, name) for name in names}
         slam: Localizes = self.algorithm(self.algorithm.Params(**values))
         return slam
 
     def _follow(self, scan: Scan, pose: Pose2) -> None:
-        """How uncertain the step since the last keyframe has become.
+        """Track the variances since the last keyframe, and jumps of the algorithm's pose.
 
-        Where the algorithm has closed a loop by itself, that is a loop of the graph, and the step
-        is that of the wheels.
+        A jump that is verified as a loop becomes a loop edge; the step is then that of the wheels.
         """
-        self._greatest = np.maximum(self._greatest, self._variances(pose.theta))
-        if self._last is None:
+        self._max_variances = np.maximum(self._max_variances, self._variances(pose.theta))
+        if self._previous is None:
             return
-        last, before = self._last
-        usual, self._step = self._step, before.between(pose)
-        driven = usual
-        if last.odometry is not None and scan.odometry is not None:
-            driven = last.odometry.between(scan.odometry)
-        off = apart(driven, self._step)
-        if off <= JUMP:
+        previous_scan, previous = self._previous
+        predicted, self._previous_step = self._previous_step, previous.between(pose)
+        expected = predicted
+        if previous_scan.odometry is not None and scan.odometry is not None:
+            expected = previous_scan.odometry.between(scan.odometry)
+        jump = position_distance(expected, self._previous_step)
+        if jump <= MIN_POSE_JUMP:
             return
-        at = pose @ self._at.between(before @ driven).inverse()  # by wheels, from where it is now
-        is_jump = driven is not usual and apart(driven, usual) <= JUMP
-        edge = self._detector.claimed(self._drawn, at) if is_jump and self._drawn else None
+        # the last keyframe's pose, if the expected step led to the present pose
+        moved = pose @ self._keyframe_pose.between(previous @ expected).inverse()
+        edge = None
+        is_measured = expected is not predicted and len(self._map_poses) > 0
+        if is_measured and position_distance(expected, predicted) <= MIN_POSE_JUMP:
+            edge = self._detector.verify_jump(self._map_poses, moved)
         if edge is None:
-            self._jumps += off * off
+            self._jump_variance += jump * jump
         else:
             self.graph.loops.append(edge)
-            self._at, self._moving = at, True
+            self._keyframe_pose, self._is_optimizing = moved, True
 
     def _variances(self, theta: float) -> Floats:
-        """Variances (3,) of the algorithm's pose along a heading, across it, and of its own."""
+        """Variances (3,) of the pose against the map: along a heading, across it, of the yaw."""
         covariance = against_map(self.slam)
         if covariance is None or not np.isfinite(covariance).all():
             return np.zeros(3)
         c, s = math.cos(theta), math.sin(theta)
-        xx, xy, yy, turn = covariance[0, 0], covariance[0, 1], covariance[1, 1], covariance[2, 2]
+        xx, xy, yy, yaw = covariance[0, 0], covariance[0, 1], covariance[1, 1], covariance[2, 2]
         along = c * c * xx + 2.0 * c * s * xy + s * s * yy
-        return np.array((along, xx + yy - along, turn))
+        return np.array((along, xx + yy - along, yaw))
 
-    def _add(self, scan: Scan, pose: Pose2) -> None:
-        """A keyframe, if due; its step is as uncertain as distance and covariance meanwhile say.
+    def _add_keyframe(self, scan: Scan, pose: Pose2) -> None:
+        """Add a keyframe, if one is due and the scan has enough end points.
 
-        A scan with few end points is none.
+        The variances of its step follow from its distance and from the algorithm's covariance.
         """
-        step, p = self._at.between(pose), self.params
+        step, p = self._keyframe_pose.between(pose), self.params
         distance = math.hypot(step.x, step.y)
-        far = distance >= p.keyframe_distance or abs(step.theta) >= p.keyframe_rotation
-        if self.graph.n > 0 and not far:
+        is_due = distance >= p.keyframe_distance or abs(step.theta) >= p.keyframe_rotation
+        if self.graph.n > 0 and not is_due:
             return
         key = keyframe(scan, self._twist(scan, pose))
-        if key.ends.shape[1] < MIN_ENDS:
+        if key.ends.shape[1] < 20:  # end points, too few to be matched
             return
-        noise = np.array(STEP_NOISE) ** 2
-        noise[:2] += p.drift**2 * distance + self._jumps
-        noise[2] += p.heading_drift**2 * (distance + abs(step.theta))
+        variances = np.array(BASE_STEP_STD) ** 2
+        variances[:2] += p.drift**2 * distance + self._jump_variance
+        variances[2] += p.heading_drift**2 * (distance + abs(step.theta))
         now = self._variances(pose.theta)
-        # what was lost since, and what a match with older ground has gained: a shift of that much
-        noise += 2.0 * self._greatest - self._known - now
-        self.graph.append(step, noise)
+        # rise and fall: a match with an older part of the map moves the pose by what they fall
+        variances += 2.0 * self._max_variances - self._start_variances - now
+        self.graph.append(step, variances)
         self.keyframes.append(key)
-        self._drawn.append(pose)
-        self._at, self._jumps = pose, 0.0
-        self._known = self._greatest = now
+        self._map_poses.append(pose)
+        self._keyframe_pose, self._jump_variance = pose, 0.0
+        self._start_variances = self._max_variances = now
 
     def _twist(self, scan: Scan, pose: Pose2) -> Pose2:
-        """The body twist between the scan before and this [m/s, rad/s]."""
-        if self._last is None or not scan.t > self._last[0].t:
+        """The body twist since the previous scan [m/s, rad/s]."""
+        if self._previous is None or not scan.t > self._previous[0].t:
             return IDENTITY
-        dt = scan.t - self._last[0].t
-        return Pose2(*(v / dt for v in self._last[1].between(pose)))
+        dt = scan.t - self._previous[0].t
+        return Pose2(*(v / dt for v in self._previous[1].between(pose)))
 
-    def _work(self, scan: Scan, pose: Pose2, tries: int) -> Pose2:
-        """A piece of work: an iteration of the graph, or candidates; keyframes of the new map."""
-        if self._moving:
-            self._moving = self.graph.iterate() > SETTLED
+    def _work(self, scan: Scan, pose: Pose2, n_candidates: int) -> Pose2:
+        """Optimize by one iteration, else match candidates, else redraw; returns the pose."""
+        if self._is_optimizing:
+            self._is_optimizing = self.graph.iterate() > 1e-4  # m, rad
             return pose
-        loops = self._detector.work(tries)
+        loops = self._detector.work(n_candidates)
         if loops:
             self.graph.loops += loops
-            self._moving = any(
-                gap(self.graph.step(edge.earlier, edge.later), edge.pose) > MOVED for edge in loops
-            )
+            errors = [pose_distance(self.graph.step(*edge[:2]), edge.pose) for edge in loops]
+            self._is_optimizing = max(errors) > MIN_CORRECTION
             return pose
         self._pause -= 1
         if self._redraw is None:
-            is_due = self._pause < 0 and gap(self.graph.pose(-1), self._at) > MOVED
+            correction = pose_distance(self.graph.pose(-1), self._keyframe_pose)
+            is_due = self._pause < 0 and correction > MIN_CORRECTION
         else:
             is_due = self._redraw.is_outdated(self.graph)
         if is_due:
-            self._redraw = Redraw(self._make(), self.keyframes)
+            self._redraw = Redraw(self._new_instance(), self.keyframes)
         if self._redraw is None:
             return pose
-        self._redraw.insert(REDRAWN, self.graph)
-        return self._in_new_map(self._redraw, scan, pose) if self._redraw.done else pose
+        self._redraw.insert(4, self.graph)  # keyframes beside each scan
+        return self._switch_map(self._redraw, scan, pose) if self._redraw.done else pose
 
-    def _in_new_map(self, redraw: Redraw, scan: Scan, pose: Pose2) -> Pose2:
-        """Go on in the new map, from the corrected pose."""
+    def _switch_map(self, redraw: Redraw, scan: Scan, pose: Pose2) -> Pose2:
+        """Continue in the new map; returns the corrected pose."""
         new = redraw.slam
-        corrected = self.graph.pose(-1) @ self._at.between(pose)
+        corrected = self.graph.pose(-1) @ self._keyframe_pose.between(pose)
         if hasattr(self.slam, "adopt"):
             self.slam.adopt(new, corrected)
         else:
             new.insert_at(scan, corrected)
             self.slam = new
-        self._drawn, self._redraw = redraw.poses, None
-        self._at = self._drawn[-1]
-        self._pause = PAUSE * self.graph.n
-        self._redrawn += 1
+        self._map_poses, self._redraw = redraw.poses, None
+        self._keyframe_pose = self._map_poses[-1]
+        self._pause = 5 * self.graph.n  # scans, more than the redraw took
+        self._n_redrawn += 1
         return corrected
 
 
 @cache
 def looped(algorithm: type[Any]) -> type[Looped]:
-    """The class of an algorithm with loops; its parameters are the algorithm's and `LoopParams`.
+    """The class of an algorithm with loops; its parameters are those of both.
 
     Raises:
         TypeError: the algorithm lacks `insert_at`.
@@ -284,11 +268,11 @@ def looped(algorithm: type[Any]) -> type[Looped]:
             "algorithm that is a slams.localize.Localizes"
         )
     presets = {key: value for key, value in own.PRESETS.items() if not isinstance(value, str)}
-    module = algorithm.__module__  # classes are found by their names when a state is read
+    module = algorithm.__module__  # where a saved state looks classes up by name
     fields = {"PRESETS": presets, "__module__": module}
     params: Any = dataclass(frozen=True)(type(f"Looped{own.__name__}", (LoopParams, own), fields))
-    known = {"Params": params, "algorithm": algorithm, "__module__": module}
-    cls = type(f"Looped{name}", (Looped,), known)
+    attributes = {"Params": params, "algorithm": algorithm, "__module__": module}
+    cls = type(f"Looped{name}", (Looped,), attributes)
     for kind in (params, cls):
         setattr(sys.modules[module], kind.__name__, kind)
     return cls

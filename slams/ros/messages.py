@@ -69,13 +69,13 @@ def decoder(ros1: bool) -> Callable[[bytes, str], Any]:
 
 def _scan_of(message: Any) -> tuple[str, tuple[Ranges, Laser]]:
     """Frame, ranges and geometry of a scan; of several echoes the first, of none infinity."""
-    from slams.laser_table import single
+    from slams.laser_table import as_float32
     from slams.types import Laser
 
     readings = message.ranges
     if getattr(message, "__msgtype__", SCAN_TYPE) == MULTI_ECHO_TYPE:
         readings = [beam.echoes[0] if len(beam.echoes) else math.inf for beam in readings]
-    ranges = single(readings).copy()
+    ranges = as_float32(readings).copy()
     geometry = Laser(
         float(message.angle_min),
         float(message.angle_increment),

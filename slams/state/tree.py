@@ -1,10 +1,10 @@
-"""An algorithm as a tree of plain values for JSON, with its arrays apart, by name.
+"""An algorithm as a tree of plain values for JSON, and its arrays by name.
 
-A value of JSON (None, bool, int, float, str) stands for itself. Anything else is a list that begins
-with its kind. What is met a second time refers to the first ("same"): what was shared stays so.
+A value of JSON (None, bool, int, float, str) represents itself. Any other object is a list that
+begins with its kind. An object that occurs again is a reference to the first ("same").
 
-One walk over attributes serves all classes, in place of a `state_dict` in each of about sixty. It
-takes classes of a fixed list of packages, calls no constructor and imports nothing.
+One walk over attributes replaces a `state_dict` in each of about sixty classes. Classes of a fixed
+list of modules are allowed; no constructor is called and nothing is imported.
 """
 
 from __future__ import annotations
@@ -17,74 +17,74 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-PLAIN = (type(None), bool, int, float, str)
-NUMBERS = "biufc"  # kinds of dtypes: bool, integers, floats, complex
-# modules and packages of slams whose classes algorithms are made of, beside their own package
-SHARED = re.compile(
+PLAIN_TYPES = (type(None), bool, int, float, str)
+NUMBER_KINDS = "biufc"  # kinds of dtypes: bool, integers, floats, complex
+# modules of slams whose classes a state may contain, in addition to the algorithm's package
+ALLOWED_MODULES = re.compile(
     r"slams\.(types|params|geometry|frontend|grid_bounds|cells|scan|track|refine|localize|loops|baselines)\b"
 )
 
 
 def _is_allowed(module: str, package: str) -> bool:
-    """Whether classes of a module may stand in a state of an algorithm of a package."""
+    """Whether a state of an algorithm of a package may contain classes of a module."""
     own = package != "slams" and module.partition(".")[0] == package
-    return own or SHARED.match(module) is not None
+    return own or ALLOWED_MODULES.match(module) is not None
 
 
 def _name_of(kind: type[Any]) -> str:
     return f"{kind.__module__}:{kind.__qualname__}"
 
 
-def _attributes(thing: Any) -> dict[str, Any]:
-    """An object's attributes by name, without those that cached properties compute anew."""
-    kind = type(thing)
-    if isinstance(thing, tuple):
-        return dict(zip(kind.__dict__["_fields"], thing, strict=True))
-    slots = [name for name in getattr(kind, "__slots__", ()) if hasattr(thing, name)]
-    own = {name: getattr(thing, name) for name in slots} | getattr(thing, "__dict__", {})
+def _attributes(obj: Any) -> dict[str, Any]:
+    """An object's attributes by name, without cached properties."""
+    kind = type(obj)
+    if isinstance(obj, tuple):
+        return dict(zip(kind.__dict__["_fields"], obj, strict=True))
+    slots = [name for name in getattr(kind, "__slots__", ()) if hasattr(obj, name)]
+    own = {name: getattr(obj, name) for name in slots} | getattr(obj, "__dict__", {})
     cached = functools.cached_property
     return {k: v for k, v in own.items() if not isinstance(getattr(kind, k, None), cached)}
 
 
 class Writer:
-    """Makes the tree of things of an algorithm of `package`; `arrays` are theirs by name."""
+    """Makes the tree of an algorithm of `package`, and collects its `arrays` by name."""
 
     def __init__(self, package: str) -> None:
         self.arrays: dict[str, NDArray[Any]] = {}
         self._package = package
-        self._names: dict[int, tuple[str, Any]] = {}  # by id, which is its own while it lives
+        self._names: dict[int, tuple[str, Any]] = {}  # by id, unique as the object is kept
 
-    def node(self, thing: Any, name: str) -> Any:
-        """The tree of a thing.
+    def node(self, obj: Any, name: str) -> Any:
+        """The tree of an object.
 
         Raises:
-            TypeError: it holds something else than data; the sentence says what and where.
+            TypeError: an object in it is no data; the sentence names it and its class.
         """
-        if type(thing) in PLAIN:
-            return thing
-        if id(thing) in self._names:
-            return ["same", self._names[id(thing)][0]]
-        self._names[id(thing)] = name, thing
-        if isinstance(thing, np.ndarray):
-            if type(thing) is not np.ndarray or thing.dtype.kind not in f"{NUMBERS}V":
-                raise TypeError(f"{name} is an array of {thing.dtype}; expected numbers")
-            self.arrays[name] = thing
-            return ["array", name, thing.flags.writeable]
-        if isinstance(thing, np.generic) and thing.dtype.kind in NUMBERS:
-            return ["number", thing.dtype.str, thing.tobytes().hex()]
-        if isinstance(thing, np.random.Generator):
-            return ["random", thing.bit_generator.state]
-        if type(thing) in (list, tuple):
-            return [type(thing).__name__, self._nodes(thing, name)]
-        if type(thing) is dict:
-            keys = self._nodes(thing, f"{name}.keys")
-            return ["dict", keys, [self.node(v, f"{name}[{k!r}]") for k, v in thing.items()]]
-        self._check_class(type(thing), name)
-        inside = {key: self.node(v, f"{name}.{key}") for key, v in _attributes(thing).items()}
-        return ["object", _name_of(type(thing)), inside]
+        if type(obj) in PLAIN_TYPES:
+            return obj
+        if id(obj) in self._names:
+            return ["same", self._names[id(obj)][0]]
+        self._names[id(obj)] = name, obj
+        if isinstance(obj, np.ndarray):
+            if type(obj) is not np.ndarray or obj.dtype.kind not in f"{NUMBER_KINDS}V":
+                raise TypeError(f"{name} is an array of {obj.dtype}; expected numbers")
+            self.arrays[name] = obj
+            return ["array", name, obj.flags.writeable]
+        if isinstance(obj, np.generic) and obj.dtype.kind in NUMBER_KINDS:
+            return ["number", obj.dtype.str, obj.tobytes().hex()]
+        if isinstance(obj, np.random.Generator):
+            return ["random", obj.bit_generator.state]
+        if type(obj) in (list, tuple):
+            return [type(obj).__name__, self._nodes(obj, name)]
+        if type(obj) is dict:
+            keys = self._nodes(obj, f"{name}.keys")
+            return ["dict", keys, [self.node(v, f"{name}[{k!r}]") for k, v in obj.items()]]
+        self._check_class(type(obj), name)
+        inside = {key: self.node(v, f"{name}.{key}") for key, v in _attributes(obj).items()}
+        return ["object", _name_of(type(obj)), inside]
 
-    def _nodes(self, things: Any, name: str) -> list[Any]:
-        return [self.node(thing, f"{name}[{i}]") for i, thing in enumerate(things)]
+    def _nodes(self, objects: Any, name: str) -> list[Any]:
+        return [self.node(obj, f"{name}[{i}]") for i, obj in enumerate(objects)]
 
     def _check_class(self, kind: type[Any], name: str) -> None:
         builtin = [base for base in kind.__mro__[:-1] if base.__module__ == "builtins"]
@@ -97,22 +97,22 @@ class Writer:
 
 
 class Reader:
-    """Makes the things of a tree again, for an algorithm of `package`, with its arrays by name."""
+    """Makes the objects of a tree, for an algorithm of `package`, with its arrays by name."""
 
     def __init__(self, arrays: dict[str, NDArray[Any]], package: str) -> None:
         self._arrays, self._package = arrays, package
         self._made: dict[str, Any] = {}
 
-    def thing(self, node: Any, name: str, new: Any = None) -> Any:
-        """What a node stands for.
+    def read(self, node: Any, name: str, new: Any = None) -> Any:
+        """The object of a node.
 
         Args:
             node: of the tree.
-            name: the one that it was written with.
+            name: the name with which it was written.
             new: its counterpart in a new algorithm, of the same type; None for any type.
 
         Raises:
-            ValueError: it is of another type. A malformed node raises what Python does.
+            ValueError: the type differs. A malformed node may raise anything.
         """
         made = self._make(node, name, new)
         if made is not None and new is not None and _type_of(made) != _type_of(new):
@@ -134,20 +134,20 @@ class Reader:
                 rng.bit_generator.state = state
                 return rng
             case ["list" | "tuple" as kind, nodes]:
-                things = self._things(nodes, name)
-                return things if kind == "list" else tuple(things)
+                objects = self._read_all(nodes, name)
+                return objects if kind == "list" else tuple(objects)
             case ["dict", keys, nodes]:
-                known, things = new or {}, self._things(keys, f"{name}.keys")
-                pairs = zip(things, nodes, strict=True)
-                return {k: self.thing(n, f"{name}[{k!r}]", known.get(k)) for k, n in pairs}
+                known, objects = new or {}, self._read_all(keys, f"{name}.keys")
+                pairs = zip(objects, nodes, strict=True)
+                return {k: self.read(n, f"{name}[{k!r}]", known.get(k)) for k, n in pairs}
             case ["object", str(kind), inside]:
                 return self._object(self._class(kind), inside, name, new)
-        if type(node) in PLAIN:
+        if type(node) in PLAIN_TYPES:
             return node
         raise ValueError(f"{name} is malformed")
 
-    def _things(self, nodes: list[Any], name: str) -> list[Any]:
-        return [self.thing(node, f"{name}[{i}]") for i, node in enumerate(nodes)]
+    def _read_all(self, nodes: list[Any], name: str) -> list[Any]:
+        return [self.read(node, f"{name}[{i}]") for i, node in enumerate(nodes)]
 
     def _object(self, kind: type[Any], inside: dict[str, Any], name: str, new: Any) -> Any:
         known = _attributes(new) if type(new) is kind else {}
@@ -155,17 +155,17 @@ class Reader:
         if missing:
             raise ValueError(f"{name} has no {', '.join(sorted(missing))}")
         is_tuple = issubclass(kind, tuple)
-        thing = None if is_tuple else object.__new__(kind)
-        self._made[name] = thing  # before its attributes, which may refer to it
-        made = {key: self.thing(n, f"{name}.{key}", known.get(key)) for key, n in inside.items()}
+        obj = None if is_tuple else object.__new__(kind)
+        self._made[name] = obj  # before its attributes: these may refer to the object
+        made = {key: self.read(n, f"{name}.{key}", known.get(key)) for key, n in inside.items()}
         if is_tuple:
             return tuple.__new__(kind, made.values())
         for key, value in made.items():
-            object.__setattr__(thing, key, value)
-        return thing
+            object.__setattr__(obj, key, value)
+        return obj
 
     def _class(self, name: str) -> type[Any]:
-        """A class by its name, looked up among the modules that the algorithm has loaded."""
+        """A class by its name, from a module that is already loaded."""
         module, _, qualified = name.partition(":")
         found: Any = sys.modules.get(module) if _is_allowed(module, self._package) else None
         for part in qualified.split("."):
@@ -175,8 +175,8 @@ class Reader:
         return found
 
 
-def _type_of(thing: Any) -> str:
-    """What has to be the same as in a new algorithm; int and float may stand for each other."""
-    if isinstance(thing, np.ndarray):
-        return f"an array of {thing.dtype} with {thing.ndim} dimensions"
-    return "a number" if isinstance(thing, (int, float, np.generic)) else _name_of(type(thing))
+def _type_of(obj: Any) -> str:
+    """The type to compare with that in a new algorithm; all numbers have one type."""
+    if isinstance(obj, np.ndarray):
+        return f"an array of {obj.dtype} with {obj.ndim} dimensions"
+    return "a number" if isinstance(obj, (int, float, np.generic)) else _name_of(type(obj))

@@ -180,5 +180,5 @@ def test_a_sweep_of_which_nothing_came_fails(tmp_path, monkeypatch):
     monkeypatch.setattr(sweep, "_do", lambda cases, *_: {c.task.key: failed for c in cases})
     words = ["--arenas", "rescue", "--algorithms", "hector", "--degradations", "clean"]
     words += ["--seeds", "1", "-q", "--out", str(tmp_path / "out")]
-    assert sweep.main(words) == cli.FAILED
+    assert sweep.main(words) == cli.EXIT_FAILED
     assert "MemoryError" in (tmp_path / "out" / "sweep.json").read_text()

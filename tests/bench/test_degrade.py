@@ -13,7 +13,7 @@ from bench.sim.degrade import CATALOG, degrade
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate, world_of
 from slams.scanlog import ScanLog, TimeSeries
-from tests.rooms import ROOM, cast, drive, laser, way
+from tests.rooms import ROOM, cast, drive, drive_poses, laser
 
 
 @cache
@@ -229,7 +229,7 @@ def test_sweep_measures_beam_after_beam():
         for j in range(0, 91, 9):
             t = turning.t[i] + j * turning.laser.time_increment
             one = dataclasses.replace(turning.laser, angle_min=turning.laser.angles[j], n_beams=1)
-            pose = way(round(t * 1000) + 1, 1e-3)[-1]
+            pose = drive_poses(round(t * 1000) + 1, 1e-3)[-1]
             own.append(turning.ranges[i, j] - cast(ROOM, pose, one)[0])
             at_once.append(turning.ranges[i, j] - log.ranges[round(turning.t[i] * 200), j])
     assert np.median(np.abs(own)) < 2e-3 < 10e-3 < np.median(np.abs(at_once))

@@ -61,7 +61,7 @@ def test_topics_are_shown_of_a_bag_without_scans(tmp_path, capsys):
     path = bags.write(tmp_path, "bag", lambda make: [("/chat", 0.0, make.string("x"))])
     lines = lines_of(capsys, path)
     assert lines[1] == f"  /chat       1  {bags.STRING}"
-    assert lines[2].startswith(f"it cannot be used: {path}: no laser scans; expected")
+    assert lines[2].startswith(f"the log cannot be used: {path}: no laser scans; expected")
 
 
 def test_an_npz_with_a_truth_can_be_compared_and_swept(tmp_path, capsys):

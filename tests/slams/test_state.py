@@ -59,7 +59,7 @@ def copied(thing):
     writer = Writer("tests")
     node = json.loads(json.dumps(writer.node(thing, "it")))
     arrays = {name: array.copy() for name, array in writer.arrays.items()}
-    return Reader(arrays, "tests").thing(node, "it")
+    return Reader(arrays, "tests").read(node, "it")
 
 
 class Keeper(Odometry):
@@ -102,7 +102,7 @@ def test_an_algorithm_of_ones_own_is_saved_and_named_to_be_loaded(tmp_path):
     label = "tests.slams.test_state:Keeper"
     one = Keeper(Keeper.Params())
     save(one, tmp_path / "k")
-    with pytest.raises(ValueError, match="say so"):
+    with pytest.raises(ValueError, match="pass algorithm="):
         load_state(tmp_path / "k")
     assert load_state(tmp_path / "k", label).rows.dtype == one.rows.dtype
 
@@ -147,7 +147,7 @@ CHANGES = {
     "another format": (put("x", "format"), "saved with format x, expected slams-state-3"),
     "another release": (put("9.1", "slams"), "saved with slams 9.1, expected"),
     "unknown algorithm": (put("hectr", "algorithm"), "unknown algorithm"),
-    "somebody's module": (put("os:Path", "algorithm"), "say so"),
+    "somebody's module": (put("os:Path", "algorithm"), "pass algorithm="),
     "another algorithm": (put("tsd", "algorithm"), "there is no class 'hector"),
     "a foreign class": (put_class("subprocess:Popen"), "there is no class"),
     "a module of ours": (put_class("slams.cli:Parser"), "there is no class"),
@@ -230,7 +230,7 @@ def test_a_run_goes_on_where_another_stopped(tmp_path, capsys):
     assert command(*quiet, "--limit", "12", "--save-state", state, "--out", out["first"]) == 0
     again = ("hector", log, "--resume-state", state)
     assert command(*again, "--save-state", state, "--out", out["second"]) == 0
-    assert "note: goes on at scan 12 of 30" in capsys.readouterr().err
+    assert "note: continues at scan 12 of 30" in capsys.readouterr().err
     lines = {name: rows(path) for name, path in out.items()}
     assert lines["first"] + lines["second"] == lines["whole"]
     assert (out["second"] / "map.pgm").read_bytes() == (out["whole"] / "map.pgm").read_bytes()

@@ -74,13 +74,13 @@ def test_errors_against_the_truth_by_hand():
     assert set(errors) == {"per_update", "per_1_s", "not_covered", "ate_m", "end_m"}
 
 
-def test_poses_without_a_truth_do_not_count():
+def test_poses_without_a_truth_are_left_out():
     truth, estimate = poses_of(), poses_of()
     estimate[:4, 1] = 9.0
     errors = truth_errors(run_of(estimate), log_of(truth, slice(4, None)))
     assert errors["not_covered"] == 4
     assert errors["ate_m"] == pytest.approx(0.0, abs=1e-9)
-    assert "4 poses lie outside the truth" in as_text(
+    assert "4 poses at times without truth" in as_text(
         summary_of(estimate, log_of(truth, slice(4, None)))
     )
 
@@ -95,25 +95,25 @@ def test_spans_are_updates_seconds_or_meters():
         assert len(a) == first and set((b - a).tolist()) == {apart}
 
 
-def test_what_is_odd_is_told_with_its_number():
+def test_counts_of_faults_become_notes():
     report = {"lost": 0, "too_far": 7}
     found = summary_of(poses_of(), log_of(), report) | {"stamps_back": 3}
     (note,) = [line for line in as_text(found).splitlines() if line.startswith("note")]
     assert "3 stamps jump back" in note
     assert "1 scans have no return at all" in note
-    assert "7 scans not entered into the map" in note
+    assert "7 scans not inserted into the map" in note
 
 
 @pytest.mark.parametrize(
-    ("scans", "leveled", "told"),
+    ("scans", "leveled", "causes"),
     [(1, 0, ""), (2, 0, "people, dust, or a tilting laser"), (2, 9, "people or dust")],
 )
-def test_a_map_that_many_scans_contradict_is_told_with_what_may_be_the_reason(scans, leveled, told):
+def test_a_note_names_the_causes_of_many_conflicts(scans, leveled, causes):
     text = as_text(summary_of(poses_of(), log_of(), {"in_conflict": scans, "leveled": leveled}))
-    notes = [line for line in text.splitlines() if "where the map is free" in line]
-    assert [note.endswith(f"2 scans end where the map is free: {told}") for note in notes] == (
-        [True] if told else []
-    )
+    notes = [line for line in text.splitlines() if "conflict with free space" in line]
+    assert [
+        note.endswith(f"2 scans conflict with free space of the map: {causes}") for note in notes
+    ] == ([True] if causes else [])
 
 
 def test_what_is_not_finite_becomes_null():
@@ -122,7 +122,7 @@ def test_what_is_not_finite_becomes_null():
 
 
 def test_the_time_of_what_brings_the_scans_is_not_counted(room_log, monkeypatch):
-    """By a clock that goes on only between the scans."""
+    """By a clock that advances only between the scans."""
     seen = []
     monkeypatch.setattr(player.time, "process_time", lambda: float(len(seen)))
     done = player.replay(create("odometry"), (s for s in room_log if seen.append(s) is None))

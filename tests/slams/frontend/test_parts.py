@@ -167,7 +167,7 @@ def test_where_all_is_alike_a_search_looks_near_the_prior():
 def test_a_search_reaches_as_far_as_a_late_scan_may_be(lateral, rotation, found):
     """However small the covariance of the prior: here 5 cm and a twentieth of a radian."""
     true = Pose2(lateral, 0.0, rotation)
-    lookup = LocalMap([keyframe(scan_at(IDENTITY, LIDAR), IDENTITY)], [true])._lookup
+    lookup = LocalMap([keyframe(scan_at(IDENTITY, LIDAR), IDENTITY)], [true])._field
     walls = Map(
         lookup, lambda points, pose: 1.0 if pose_distance(points, pose, true) < 0.3 else 0.1
     )

@@ -28,7 +28,7 @@ from slams.ros.messages import (
 )
 from slams.scanlog import TimeSeries
 from slams.types import Pose2
-from tests.rooms import drive, laser, scan_at, way
+from tests.rooms import drive, drive_poses, laser, scan_at
 
 LASER = laser(91)
 MOUNT = Pose2(0.2, -0.05, 0.3)
@@ -38,7 +38,7 @@ def robot_log(n=40, first=0.0, gyro=True):
     """Scans at 10 Hz, odometry at 30 from `first` [s], a gyro at 100, on stamps of their own."""
     log = drive(n=n, rate=10.0, lidar=laser(181, mount=MOUNT))
     t = np.arange(first, log.t[-1] + 0.2, 1.0 / 30.0) + 0.003
-    poses = way(len(t), 1.0 / 30.0) + np.array([5.0, 1.0, 3.1])  # headings pass pi
+    poses = drive_poses(len(t), 1.0 / 30.0) + np.array([5.0, 1.0, 3.1])  # headings pass pi
     poses[:, 2] = slams.types.wrap_angle(poses[:, 2])
     turning = np.arange(0.0, log.t[-1] + 0.2, 0.01)
     rate = TimeSeries(turning + 100.0, np.gradient(0.8 * np.sin(0.245 * turning), turning) + 0.001)

@@ -70,7 +70,7 @@ def test_a_run_goes_on_from_a_nodes_state_behind_its_last_scan(tmp_path, capsys)
     live.save(tmp_path / "s")
     arguments = ("hector", tmp_path / "log.npz", "--resume-state", tmp_path / "s", "--out")
     assert run.main([*map(str, arguments), str(tmp_path / "o")]) == 0
-    assert "goes on at scan 10 of 24" in capsys.readouterr().err
+    assert "continues at scan 10 of 24" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

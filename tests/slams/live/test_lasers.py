@@ -14,7 +14,7 @@ from slams.live.scans import ScanQueue
 from slams.ros.maker import Maker
 from slams.ros.messages import IMU_TYPE, SCAN_TYPE, TF_TYPE
 from slams.types import Attitude, Pose2
-from tests.rooms import ROOM, cast, laser, way
+from tests.rooms import ROOM, cast, drive_poses, laser
 from tests.slams.live.robots import Stand, mounted, scan_record
 from tests.slams.ros.test_attitude import messages, true
 
@@ -25,7 +25,7 @@ PLACES = {"front": Pose2(0.2, 0.0, 0.0), "rear": Pose2(-0.2, 0.0, 3.0)}
 def drive(stand, n=30):
     """Scans of both lasers, those of the rear one half a period later, and sent in pairs."""
     stand.tf(*(("base_link", name, place) for name, place in PLACES.items()))
-    poses = way(2 * n, 0.05)
+    poses = drive_poses(2 * n, 0.05)
     for k in range(n):
         pair = [(2 * k + 1, "rear"), (2 * k, "front")]  # the older one comes later
         for j, name in pair if k else reversed(pair):
@@ -177,7 +177,7 @@ def test_poses_are_those_of_a_run_of_the_recording(source, monkeypatch, tmp_path
     else:
         for row in messages(source == "orientation")[:500]:
             stand.bus.publish("/imu", IMU_TYPE, imu(row))
-    for k, pose in enumerate(way(N, 0.1)):
+    for k, pose in enumerate(drive_poses(N, 0.1)):
         stand.scan(0.105 + 0.1 * k, pose=pose)
     scans = stand.scans_seen()
     stand.start_and_drive()

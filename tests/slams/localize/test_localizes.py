@@ -18,7 +18,19 @@ from slams.registry import find
 from slams.state import save
 from slams.types import IDENTITY, Laser, OccupancyGrid, Pose2
 from tests.floors import START, grid_of, seen, truth
-from tests.rooms import ROOM, box, cast, command, drive, labels, laser, made, mirrored, scan_at, way
+from tests.rooms import (
+    ROOM,
+    box,
+    cast,
+    command,
+    drive,
+    drive_poses,
+    labels,
+    laser,
+    made,
+    mirrored,
+    scan_at,
+)
 from tests.test_readme_code import block
 from tests.wheels import Drifting
 
@@ -218,7 +230,7 @@ def test_a_run_localizes_in_a_state_of_its_own_or_of_another(files, log):
         assert (ready.origin == IDENTITY) == (label == "hector") and ready.slam.frozen
         localizer = ready.at(start_at(ready.map_index, log, IDENTITY).pose)
         poses = np.array([localizer.update(scan) for scan in log])
-        apart = poses - way(40, 0.05)
+        apart = poses - drive_poses(40, 0.05)
         assert np.hypot(apart[:, 0], apart[:, 1]).max() < 0.06, label
 
 

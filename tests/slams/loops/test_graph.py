@@ -9,14 +9,14 @@ from scipy.optimize import least_squares
 from slams.frontend.correlative import Window
 from slams.loops.graph import LoopEdge, PoseGraph
 from slams.loops.matching import (
-    BESIDE,
-    TOLERANCE,
+    ADJACENT_CELL_LIKELIHOOD,
+    VISIBILITY_TOLERANCE,
     LocalMap,
-    information_of,
+    check_visibility,
     keyframe,
-    observed,
-    read,
-    visible,
+    loop_information,
+    observable_part,
+    read_end_points,
 )
 from slams.refine.lines import Match
 from slams.test_world import drive, laser, scan_at
@@ -91,7 +91,7 @@ def test_the_covariance_along_a_chain_is_that_of_drawn_chains():
     assert graph.uncertainty(0)[8] == pytest.approx(drawn, rel=0.15, abs=1e-4)
 
 
-def test_a_loop_makes_what_lies_behind_it_certain():
+def test_a_loop_lowers_the_covariance_of_the_poses_it_connects():
     graph = ring(6, loops=1)
     earlier, later = graph.loops[0][:2]
     with_loop = np.trace(graph.uncertainty(later)[earlier][:2, :2])
@@ -115,31 +115,31 @@ def test_a_scan_is_found_in_a_wide_window(half, rotation):
     key, place = keyframe(scan, IDENTITY), local_map()
     found = place.search(key.ends, Window(Pose2(0.4, 0.2, 0.2), half, rotation), 0.5)
     assert math.hypot(found.pose.x - true.x, found.pose.y - true.y) < 0.15
-    points, middle = read(scan, IDENTITY)
-    pose = place.fit(points, found.pose @ middle).pose
+    points, frame = read_end_points(scan, IDENTITY)
+    pose = place.fit(points, found.pose @ frame).pose
     assert pose == pytest.approx(true, abs=0.02)
-    assert place.agreement(key.ends, pose) > 0.9
+    assert place.match_score(key.ends, pose) > 0.9
 
 
-def test_what_is_seen_through_is_charged():
+def test_free_space_conflicts_lower_the_score():
     place, true = local_map(), Pose2(0.6, 0.2, 0.0)
     ends = keyframe(scan_at(true, LIDAR), IDENTITY).ends
-    right = place.agreement(ends, true)
+    right = place.match_score(ends, true)
     assert right > 0.9
-    assert place.agreement(0.6 * ends, true) < 0.0  # walls in front of walls
-    assert place.agreement(1.5 * ends, true) < 0.3  # hidden behind walls: neither for nor against
+    assert place.match_score(0.6 * ends, true) < 0.0  # walls in front of walls
+    assert place.match_score(1.5 * ends, true) < 0.3  # hidden behind walls: neither
 
 
 @pytest.mark.parametrize("step", [0.1, -0.1])
-def test_what_a_scan_has_seen_and_seen_through_by_hand(step):
+def test_inliers_and_conflicts_of_a_scan_by_hand(step):
     """Seven beams to one side: a wall 4 m off, then one 2 m off, no return, and nothing known."""
     ranges = np.array([4.0, 4.0, 4.0, 2.0, math.inf, math.nan], np.float32)
     scan = Scan(0.0, ranges, Laser(0.0, step, 7, 0.1, 10.0))  # cut short: a beam is missing
-    cases = [  # beam, range [m], seen, seen through; a tenth of the range and TOLERANCE are slack
-        (1, 4.0 + 0.3 + TOLERANCE, True, False),
-        (1, 4.0 - 0.3 - TOLERANCE, True, False),
-        (1, 4.0 - 0.4 - TOLERANCE, False, True),
-        (1, 4.0 + 0.6 + TOLERANCE, False, False),  # hidden
+    cases = [  # beam, range [m], inlier, conflict; a tenth of the range is allowed, too
+        (1, 4.0 + 0.3 + VISIBILITY_TOLERANCE, True, False),
+        (1, 4.0 - 0.3 - VISIBILITY_TOLERANCE, True, False),
+        (1, 4.0 - 0.4 - VISIBILITY_TOLERANCE, False, True),
+        (1, 4.0 + 0.6 + VISIBILITY_TOLERANCE, False, False),  # hidden
         (2, 3.0, True, False),  # between the two walls
         (2, 1.0, False, True),
         (3, 2.0, True, False),
@@ -149,34 +149,34 @@ def test_what_a_scan_has_seen_and_seen_through_by_hand(step):
         (-20, 4.0, False, False),
     ]
     at = [(r * math.cos(k * step), r * math.sin(k * step)) for k, r, *_ in cases]
-    seen, through = visible(np.array(at), scan)
-    assert seen.tolist() == [case[2] for case in cases]
-    assert through.tolist() == [case[3] for case in cases]
+    inliers, conflicts = check_visibility(np.array(at), scan)
+    assert inliers.tolist() == [case[2] for case in cases]
+    assert conflicts.tolist() == [case[3] for case in cases]
 
 
-def test_a_cell_beside_that_of_a_wall_is_less_likely():
+def test_a_cell_next_to_one_with_a_wall_is_less_likely():
     key = keyframe(scan_at(IDENTITY, laser(61)), IDENTITY)
-    likelihood = LocalMap([key], [IDENTITY])._lookup.likelihood
-    walls = np.argwhere(likelihood == 1.0)
+    likelihood = LocalMap([key], [IDENTITY])._field.likelihood
+    walls, adjacent = np.argwhere(likelihood == 1.0), np.float32(ADJACENT_CELL_LIKELIHOOD)
     for iy, ix in walls.tolist():
-        assert (likelihood[iy - 1 : iy + 2, ix - 1 : ix + 2] >= np.float32(BESIDE)).all()
+        assert (likelihood[iy - 1 : iy + 2, ix - 1 : ix + 2] >= adjacent).all()
     off = np.abs(np.argwhere(likelihood > 0.0)[:, None] - walls).max(axis=2).min(axis=1)
     assert off.max() == 1
-    assert set(np.unique(likelihood).tolist()) == {0.0, float(np.float32(BESIDE)), 1.0}
+    assert set(np.unique(likelihood).tolist()) == {0.0, float(adjacent), 1.0}
 
 
 def test_a_corridor_is_observed_across_only():
     log = drive(n=1)
-    points, _ = read(next(iter(log)), IDENTITY)
+    points, _ = read_end_points(next(iter(log)), IDENTITY)
     spread = np.array(((0.25, 0.0), (0.0, 0.001)))
-    across = observed(points, 0.0, spread)
+    across = observable_part(points, 0.0, spread)
     assert across @ np.array((1.0, 0.0)) == pytest.approx([0.0, 0.0], abs=1e-9)
     assert across @ np.array((0.0, 1.0)) == pytest.approx([0.0, 1.0], abs=0.02)
 
 
-def test_what_is_blind_along_two_directions_that_are_not_square_still_informs():
-    """A corridor aslant to the direction in which poses match as well: no less than nothing."""
+def test_the_information_is_positive_with_two_oblique_degenerate_directions():
+    """A corridor oblique to the direction in which positions match equally well."""
     axes = [np.array((math.cos(a), math.sin(a))) for a in (0.0, 0.6)]
     across, beside = (np.eye(2) - np.outer(axis, axis) for axis in axes)
     match = Match(IDENTITY, information=np.diag((1e6, 1e4, 1e7)))
-    assert np.linalg.eigvalsh(information_of(match, across @ beside))[0] > 0.0
+    assert np.linalg.eigvalsh(loop_information(match, across @ beside))[0] > 0.0

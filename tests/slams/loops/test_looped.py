@@ -1,4 +1,4 @@
-"""An algorithm with loops: wheels that bend a drive around a building, closed at the return."""
+"""An algorithm with loops: wheels drift on a drive around a building, the return closes it."""
 
 import math
 from dataclasses import replace
@@ -13,9 +13,15 @@ from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
 from slams import metrics
 from slams.loops import LoopEdge, PoseGraph
-from slams.loops.detector import REFUTED, VIEW, LoopDetector, Query, Verified
-from slams.loops.matching import Found, keyframe
-from slams.loops.slam import MOVED, Redraw, looped
+from slams.loops.detector import (
+    LOCAL_MAP_RADIUS,
+    MAX_UNMATCHED_KEYFRAMES,
+    LoopDetector,
+    Query,
+    VerifiedMatch,
+)
+from slams.loops.matching import SearchResult, keyframe
+from slams.loops.slam import MIN_CORRECTION, Redraw, looped
 from slams.player import replay
 from slams.registry import find, label_of
 from slams.scanlog import TimeSeries
@@ -26,7 +32,7 @@ from tests.wheels import Drifting
 
 @cache
 def around():
-    """Two laps of a ring of corridors with wheels that turn too far by two percent."""
+    """Two laps of a ring of corridors, with wheels that have a heading error."""
     log = simulate(Setting("hall", seed=3, size=16.0, length=90.0, v=1.0, noise=0.01))
     log = log.rows(np.arange(0, len(log.t), 8))
     true = log.truth_at(log.t)
@@ -62,7 +68,7 @@ def test_loops_correct_the_poses_and_the_map_of_any_algorithm():
     assert ate(run.corrected, log) < 0.3 * ate(run.poses, log)
     drawn = np.array([pose for _, pose in slam.slam.inserted])
     off = np.hypot(*(slam.graph.poses[: len(drawn)] - drawn)[:, :2].T)
-    assert np.median(off) < 4.0 * MOVED  # the map is that of the poses, but for later loops
+    assert np.median(off) < 4.0 * MIN_CORRECTION  # the map has these poses, but for later loops
 
 
 def test_every_loop_is_where_the_truth_has_it():
@@ -85,7 +91,7 @@ def test_a_drive_without_a_return_closes_nothing():
 
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_the_four_go_on_in_the_new_map(name):
-    """A robot whose map is exchanged keeps its motion: the next pose is a step from the last."""
+    """A robot whose map is replaced keeps its motion: the next pose is a step from the last."""
     log = around()
     label = f"{name}+loops"
     entry = find(label)
@@ -142,19 +148,19 @@ def test_a_step_is_as_uncertain_as_the_pose_against_the_map_not_as_the_map():
 
 @pytest.mark.parametrize("jumps", ["algorithm", "wheels"])
 def test_a_loop_that_the_algorithm_closes_is_one_of_the_graph(jumps):
-    """The step is that of the wheels then, so that the whole way is corrected, not its end."""
+    """The step is then that of the wheels: the whole path is corrected, not only its end."""
     slam, asked = new(), []
 
-    def claimed(drawn, at):
-        asked.append(at)
-        return LoopEdge(0, slam.graph.n - 1, drawn[0].between(at), np.diag((1e6, 1e6, 1e6)))
+    def verify_jump(map_poses, pose):
+        asked.append(pose)
+        return LoopEdge(0, slam.graph.n - 1, map_poses[0].between(pose), np.diag((1e6, 1e6, 1e6)))
 
-    slam._detector.claimed = claimed
+    slam._detector.verify_jump = verify_jump
     for k in range(12):
-        aside = 1.0 if k >= 8 else 0.0
+        lateral = 1.0 if k >= 8 else 0.0
         if k == 8:
-            slam.slam._origin = Pose2(0.0, aside if jumps == "algorithm" else -aside, 0.0)
-        wheels = Pose2(0.1 * k, 0.0 if jumps == "algorithm" else aside, 0.0)
+            slam.slam._origin = Pose2(0.0, lateral if jumps == "algorithm" else -lateral, 0.0)
+        wheels = Pose2(0.1 * k, 0.0 if jumps == "algorithm" else lateral, 0.0)
         slam.update(still(k, odometry=wheels))
     spread = np.sqrt(slam.graph.uncertainty(0)[-1, 1, 1])
     if jumps == "wheels":
@@ -166,7 +172,7 @@ def test_a_loop_that_the_algorithm_closes_is_one_of_the_graph(jumps):
     np.testing.assert_allclose(slam.graph.poses[1:, 1], 1.0, atol=0.01)
 
 
-def test_after_an_exchange_keyframes_follow_in_the_new_map():
+def test_after_a_redraw_keyframes_follow_in_the_new_map():
     log = around()
     slam = new()
     redrawn, loops = 0, -1
@@ -174,7 +180,7 @@ def test_after_an_exchange_keyframes_follow_in_the_new_map():
         pose, report = slam.update(scan), slam.report()
         if report["redrawn"] > redrawn:
             redrawn, loops = report["redrawn"], report["loops"]
-        if report["loops"] == loops:  # the graph stands still since
+        if report["loops"] == loops:  # no change of the graph since
             assert slam.corrected()[-1] == pytest.approx(pose, abs=1e-6)
     assert redrawn > 0
 
@@ -188,19 +194,19 @@ def test_a_redraw_whose_keyframes_have_moved_is_outdated():
     assert not redraw.is_outdated(graph)
     redraw.insert(4, graph)
     assert redraw.done and not redraw.is_outdated(graph)
-    graph.poses[1, 1] += 2.0 * MOVED
+    graph.poses[1, 1] += 2.0 * MIN_CORRECTION
     assert redraw.is_outdated(graph)
 
 
 def detector_of(steps, variances=1e-3, loop_path=10.0):
-    """A detector over keyframes a step behind each other, whose scans are found nowhere."""
+    """A detector over keyframes a step apart, whose scans match nowhere."""
     graph = PoseGraph()
     for step in steps:
         graph.append(step, np.full(3, variances))
     keys = [keyframe(still(k), IDENTITY) for k in range(graph.n)]
     detector = LoopDetector(graph, keys, loop_path)
-    missed = Found(IDENTITY, 0.0, np.zeros((2, 2)))
-    detector._local_map = lambda middle: SimpleNamespace(search=lambda *_: missed)
+    unmatched = SearchResult(IDENTITY, 0.0, np.zeros((2, 2)))
+    detector._local_map = lambda middle: SimpleNamespace(search=lambda *_: unmatched)
     return detector, graph
 
 
@@ -215,64 +221,64 @@ def to_and_fro(times):
 
 def suppose(detector, later, pose=IDENTITY):
     edge = LoopEdge(0, later, pose, np.diag((1e3, 1e3, 1e4)))
-    detector._hypothesis, detector._checked = [Verified(edge, 0.8, True)], [later]
+    detector._hypothesis, detector._checked = [VerifiedMatch(edge, 0.8, True)], [later]
 
 
 def test_a_hypothesis_waits_where_nothing_is_old_enough():
-    """The keyframes ahead see too little yet, and those behind have no place before theirs."""
+    """Later keyframes have no complete local map yet, earlier ones have no older keyframes."""
     detector, _ = detector_of(straight(30))
     suppose(detector, 22)
     assert detector.work() == []
     assert detector._hypothesis and detector._checked == [22]
 
 
-def test_a_hypothesis_that_predicts_nothing_any_more_is_dropped():
-    """Where the way since is as uncertain as rooms are far apart, the next room confirms it."""
+def test_a_hypothesis_whose_prediction_is_ambiguous_is_dropped():
+    """With an uncertainty as large as the distance of two rooms, any room would confirm it."""
     detector, _ = detector_of(straight(60), variances=0.2)
     suppose(detector, 40)
-    assert detector._predicted() is None and not detector._hypothesis
+    assert detector._hypothesis_query() is None and not detector._hypothesis
 
 
 def test_a_match_far_from_where_it_is_expected_does_not_fit():
-    """Of two alike offices the other one."""
+    """The match is in another office that looks alike."""
     detector, _ = detector_of(straight(60))
-    detector._verified = lambda edge, *_: Verified(edge, 0.9, True)
-    for off, fits in ((3.0, True), (4.0, False)):
-        found = Found(Pose2(off, 0.0, 0.0), 1.0, np.zeros((2, 2)))
+    detector._verify = lambda edge, *_: VerifiedMatch(edge, 0.9, True)
+    for off, is_expected in ((3.0, True), (4.0, False)):
+        found = SearchResult(Pose2(off, 0.0, 0.0), 1.0, np.zeros((2, 2)))
         detector._local_map = lambda _, found=found: SimpleNamespace(search=lambda *_: found)
         query = Query(40, None, [], [], False)
-        detector._try(query, 0, IDENTITY, np.eye(3))
-        assert query.found[0].fits == fits
+        detector._match(query, (0, IDENTITY, np.eye(3)))
+        assert query.matches[0].is_expected == is_expected
 
 
 @pytest.mark.parametrize(
-    ("drift", "agreement", "off", "believed"),
+    ("drift", "score", "off", "accepted"),
     [(0.5, 0.9, 0.0, True), (5.0, 0.9, 0.0, False), (0.5, 0.5, 0.0, False), (0.5, 0.9, 0.2, False)],
 )
-def test_a_loop_of_the_algorithm_is_verified_as_others_are(drift, agreement, off, believed):
-    """Searched for where it says, with the nearest old keyframe of its map; held to the gate.
+def test_a_loop_of_the_algorithm_is_verified_as_others_are(drift, score, off, accepted):
+    """Searched for at the algorithm's pose, in the map of the nearest old keyframe; gated.
 
-    And found there: a scan that a recorder kept back moves the pose, too, and closes nothing.
+    The match has to be at that pose: a delayed scan moves the pose, too, and closes no loop.
     """
     detector, graph = detector_of([*straight(30), Pose2(0.5, 0.0, math.pi), *straight(30)[1:]])
-    detector._verified = lambda edge, *_: Verified(edge, agreement, True)
+    detector._verify = lambda edge, *_: VerifiedMatch(edge, score, True)
     windows, maps = [], []
 
     def search(ends, window, enough):
         windows.append(window)
-        return Found(window.middle @ Pose2(off, 0.0, 0.0), 1.0, np.zeros((2, 2)))
+        return SearchResult(window.middle @ Pose2(off, 0.0, 0.0), 1.0, np.zeros((2, 2)))
 
     detector._local_map = lambda k: maps.append(k) or SimpleNamespace(search=search)
     drawn = [graph.pose(k) for k in range(graph.n)]
     at = Pose2(drift, 0.0, 0.0) @ graph.pose(-1)
-    edge = detector.claimed(drawn, at)
+    edge = detector.verify_jump(drawn, at)
     nearest = min(range(30), key=lambda k: math.hypot(*drawn[k].between(at)[:2]))
     assert maps[0] == graph.n - 1 and maps[1] == nearest
     assert windows[0].middle == pytest.approx(drawn[nearest].between(at))
-    assert (edge is not None) == believed
-    if believed:
+    assert (edge is not None) == accepted
+    if accepted:
         assert (edge.earlier, edge.later) == (nearest, graph.n - 1)
-    assert detector_of(straight(12))[0].claimed(drawn[:12], at) is None  # nothing is old enough
+    assert detector_of(straight(12))[0].verify_jump(drawn[:12], at) is None  # nothing is old enough
 
 
 @pytest.mark.parametrize(
@@ -285,49 +291,49 @@ def test_a_loop_of_the_algorithm_is_verified_as_others_are(drift, agreement, off
     ],
 )
 def test_a_hypothesis_is_dropped_but_not_by_corridors(off, score, is_observed, stays):
-    """No match or one elsewhere refutes it; one that slides along a corridor is no witness."""
+    """No match, or one elsewhere, rejects it; a match along a corridor does neither."""
     detector, _ = detector_of(straight(60))
     suppose(detector, 40)
 
     def search(ends, window, enough):
-        return Found(window.middle @ Pose2(off, 0.0, 0.0), score, np.zeros((2, 2)))
+        return SearchResult(window.middle @ Pose2(off, 0.0, 0.0), score, np.zeros((2, 2)))
 
     detector._local_map = lambda middle: SimpleNamespace(search=search)
-    detector._verified = lambda edge, *_: Verified(edge, 0.5, is_observed)
-    for _ in range(2 * REFUTED):
+    detector._verify = lambda edge, *_: VerifiedMatch(edge, 0.5, is_observed)
+    for _ in range(2 * MAX_UNMATCHED_KEYFRAMES):
         assert detector.work() == []
     assert bool(detector._hypothesis) == stays
 
 
-def test_a_match_that_nothing_predicted_has_to_explain_the_scan_alone():
+def test_a_match_that_was_not_predicted_needs_a_higher_score():
     detector, _ = detector_of(straight(60))
 
     def best(*found, is_predicted=False):
         return detector._best(Query(40, None, [], list(found), is_predicted))
 
     edge = LoopEdge(0, 40, IDENTITY)
-    good, weak = Verified(edge, 0.9, True), Verified(edge, 0.5, True)
+    good, weak = VerifiedMatch(edge, 0.9, True), VerifiedMatch(edge, 0.5, True)
     assert best(good, weak) is good
-    assert best(weak) is None and best(Verified(edge, 0.9, False)) is None
+    assert best(weak) is None and best(VerifiedMatch(edge, 0.9, False)) is None
     assert best(weak, is_predicted=True) is weak
-    assert best(good._replace(fits=False)) is None
-    elsewhere = edge._replace(pose=Pose2(3.0 * VIEW, 0.0, 0.0))
-    assert best(good, Verified(elsewhere, 0.85, True)) is None
+    assert best(good._replace(is_expected=False)) is None
+    elsewhere = edge._replace(pose=Pose2(3.0 * LOCAL_MAP_RADIUS, 0.0, 0.0))
+    assert best(good, VerifiedMatch(elsewhere, 0.85, True)) is None
 
 
 def test_where_a_hypothesis_predicts_a_place_both_directions_are_tried():
-    """A laser that looks ahead knows little of what was seen on the way back."""
+    """A laser that faces ahead observes other walls on the way back."""
     detector, graph = detector_of(to_and_fro(4))
     suppose(detector, 60, graph.step(0, 60))
-    headings = np.cos([graph.poses[k, 2] for k, *_ in detector._predicted().candidates])
+    headings = np.cos([graph.poses[k, 2] for k, *_ in detector._hypothesis_query().candidates])
     assert sorted(headings.tolist()) == pytest.approx([-1.0, 1.0])
 
 
 def test_beside_a_keyframe_several_candidates_are_tried():
-    """Keyframes that come far apart, and a large map: else a search lasts for many of them."""
+    """Else, with few scans and a large map, a search would last for many keyframes."""
     for tries, calls in ((1, 3), (4, 1)):
         detector, _ = detector_of(to_and_fro(2))
-        query = detector._begin()
+        query = detector._next_query()
         detector._query = query._replace(candidates=3 * query.candidates[:1])
         for _ in range(calls):
             assert detector._query is not None
@@ -341,13 +347,13 @@ def test_beside_a_keyframe_several_candidates_are_tried():
 
 
 def test_a_place_has_one_candidate_for_each_direction():
-    """Four times along 12 m, to and fro: a laser sees other walls on the way back."""
+    """Four times 12 m, to and fro: a laser observes other walls on the way back."""
     detector, graph = detector_of(to_and_fro(4), variances=0.02)
-    query = detector._begin()
+    query = detector._next_query()
     ahead = np.array([graph.poses[k] for k, *_ in query.candidates])
     for heading in (1.0, -1.0):
         places = np.sort(ahead[np.cos(ahead[:, 2]) * heading > 0.0, 0])
-        assert len(places) >= 2 and np.diff(places).min() > VIEW
+        assert len(places) >= 2 and np.diff(places).min() > LOCAL_MAP_RADIUS
         same = graph.poses[graph.path < graph.path[query.later] - 10.0]
         same = same[np.cos(same[:, 2]) * heading > 0.0, 0]
-        assert np.abs(same[:, None] - places).min(axis=1).max() <= VIEW
+        assert np.abs(same[:, None] - places).min(axis=1).max() <= LOCAL_MAP_RADIUS
