@@ -11,14 +11,7 @@ import pytest
 
 import slams.frontend
 from bench.sim.sensors import SENSORS
-from slams.params import (
-    LASER_MODELS,
-    MAX_COUNT,
-    MAX_LENGTH,
-    MAX_NUMBER,
-    MAX_SEED,
-    Params,
-)
+from slams.params import LASER_MODELS, MAX_COUNT, MAX_LENGTH, MAX_NUMBER, MAX_SEED, Params
 from slams.registry import find
 from tests.rooms import ALGORITHMS, ORIGINALS
 

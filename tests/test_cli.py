@@ -36,15 +36,8 @@ def test_run_writes_everything_and_says_so(log_file, tmp_path):
     assert "error against the truth" in done.stdout
     assert "per update" in done.stdout
     out = tmp_path / "results" / "room-hector"
-    names = sorted(p.name for p in out.iterdir())
-    assert names == [
-        "map.pgm",
-        "map.png",
-        "map.yaml",
-        "summary.json",
-        "trajectory.csv",
-        "trajectory.tum",
-    ]
+    files = ["map.pgm", "map.png", "map.yaml", "summary.json", "trajectory.csv", "trajectory.tum"]
+    assert sorted(p.name for p in out.iterdir()) == files
     summary = json.loads((out / "summary.json").read_text())
     assert summary["scans"] == 60
     assert summary["cpu_ms_per_scan"] > 0.0
@@ -80,9 +73,7 @@ def test_options_change_the_run(log_file, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("out", ["f", "f/deep/out", None])
-def test_an_output_that_is_a_file_is_refused_before_the_run(
-    out, log_file, tmp_path, capsys, monkeypatch
-):
+def test_an_output_that_is_a_file_is_refused_at_once(out, log_file, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("slams.player.warm_up", lambda *_: pytest.fail("the run began"))
     name = "f" if out else "results"
@@ -112,9 +103,8 @@ def test_odd_scans_survive_and_are_counted(log_file, tmp_path, capsys):
 
 def test_compare_on_given_logs(log_file, tmp_path):
     names = ["hector", "hector@original", "odometry", "kiss"]
-    done = command(
-        log_file, "--algorithms", *names, "--out", "cmp", cwd=tmp_path, module="bench.compare"
-    )
+    words = [log_file, "--algorithms", *names, "--out", "cmp"]
+    done = command(*words, cwd=tmp_path, module="bench.compare")
     assert done.returncode == 0, done.stderr
     answer, *screen, report = done.stdout.splitlines()
     assert answer.startswith("Take hector: ")
@@ -135,9 +125,8 @@ def test_compare_on_given_logs(log_file, tmp_path):
     assert len(table) == 59
     assert table["translation_m"].mean() == pytest.approx(means["hector"], abs=1e-8)
     assert (out / "errors-hector-original.csv").is_file()
-    assert (
-        (out / "table-translation.csv").read_text().startswith("algorithm,mean,deviation,min,max")
-    )
+    translation = (out / "table-translation.csv").read_text()
+    assert translation.startswith("algorithm,mean,deviation,min,max")
 
 
 def test_compare_goes_on_when_an_algorithm_raises_or_dies(log_file, tmp_path, monkeypatch):
@@ -193,9 +182,8 @@ def test_compare_takes_the_files_of_ros_nodes(log_file, tmp_path, capsys):
     arguments += ["--sensor", "lds02", "--out", str(tmp_path / "out")]
     assert compare.main(arguments) == 0
     message = capsys.readouterr().err
-    assert message.startswith(
-        "hector_mapping -> hector: 2 mapped, 1 ignored\n  map_resolution = 0.2"
-    )
+    head = "hector_mapping -> hector: 2 mapped, 1 ignored\n  map_resolution = 0.2"
+    assert message.startswith(head)
     assert "hector_mapping -> hector@original: 1 mapped, " in message
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     original, hector, crsm = (row["parameters"] for row in results["rows"])

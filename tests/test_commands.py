@@ -71,9 +71,8 @@ def test_a_command_gets_its_words_and_gives_its_exit_code(capsys):
 @pytest.fixture
 def elsewhere(tmp_path, monkeypatch):
     """A folder one is in with a module in it, and no way there from python's path."""
-    (tmp_path / "mine_here.py").write_text(
-        "from slams.baselines import Odometry\nclass Mine(Odometry):\n    pass\n"
-    )
+    code = "from slams.baselines import Odometry\nclass Mine(Odometry):\n    pass\n"
+    (tmp_path / "mine_here.py").write_text(code)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [path for path in sys.path if path])
     yield tmp_path

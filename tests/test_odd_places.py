@@ -25,13 +25,9 @@ def run(folder, *arguments, full=False):
     def limit():
         resource.setrlimit(resource.RLIMIT_FSIZE, (FULL, resource.RLIM_INFINITY))
 
-    return subprocess.run(
-        [sys.executable, "-m", "slams.run", "odometry", *map(os.fsencode, map(str, arguments))],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        preexec_fn=limit if full else None,
-    )
+    words = [sys.executable, "-m", "slams.run", "odometry", *map(os.fsencode, map(str, arguments))]
+    env, before = os.environ | {"PYTHONPATH": str(ROOT)}, limit if full else None
+    return subprocess.run(words, cwd=folder, env=env, capture_output=True, preexec_fn=before)
 
 
 @pytest.fixture
@@ -53,9 +49,8 @@ def test_names_that_are_not_utf8(log, tmp_path):
     assert (done.returncode, done.stderr) == (0, b"")
     assert os.fsencode(TORN) in done.stdout
     out = tmp_path / "results" / f"{TORN}-odometry"
-    assert {"map.png", "map.pgm", "result.mcap", "summary.json"} <= {
-        path.name for path in out.iterdir()
-    }
+    names = {path.name for path in out.iterdir()}
+    assert {"map.png", "map.pgm", "result.mcap", "summary.json"} <= names
     assert parts(tmp_path) == parts(out.parent) == []
 
 

@@ -100,9 +100,8 @@ def test_no_file_is_overwritten_unless_asked(words, log, tmp_path, capsys):
     target = {"--save-state": "x.state"}.get(words[-1], "x.npz")
     (tmp_path / target).write_text("mine")
     assert main([*words, target]) == 2
-    assert capsys.readouterr().err == (
-        f"slams {words[0]}: {target}: exists; --force replaces it, or choose another name\n"
-    )
+    sentence = f"{target}: exists; --force replaces it, or choose another name"
+    assert capsys.readouterr().err == f"slams {words[0]}: {sentence}\n"
     assert (tmp_path / target).read_text() == "mine"
     assert main([*words, target, "--force"]) == 0
     assert (tmp_path / target).read_bytes() != b"mine"

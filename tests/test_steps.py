@@ -11,9 +11,7 @@ pytestmark = pytest.mark.parametrize("name", ["hector", "tsd", "crsm"])
 
 
 @pytest.mark.parametrize(("time_increment", "times"), [(0.0, 1), (0.08 / 181, 2)])
-def test_only_a_sweep_that_takes_time_is_read_and_matched_twice(
-    name, time_increment, times, monkeypatch
-):
+def test_only_a_slow_sweep_is_read_and_matched_twice(name, time_increment, times, monkeypatch):
     slam = settled(name, 3)
     read, matched = (calls(monkeypatch, *of) for of in ((slam._scan, "read"), (slam, "_match")))
     slam.update(scan_at((0.0, 0.0, 0.0), laser(181, time_increment=time_increment), t=0.3))

@@ -180,9 +180,8 @@ def test_situations_are_answered_together_and_apart():
     assert titles[1:] == ["People, glass, dust (people)", answers.ALL_DEGRADATIONS]
     (table,) = sweep_tables.choices(found)
     assert table.title.startswith("The programs to use")
-    assert (
-        table.frame.loc[answers.ALL_DEGRADATIONS, "laser alone"] == "**a** (lost less, p = 0.023)"
-    )
+    answer = table.frame.loc[answers.ALL_DEGRADATIONS, "laser alone"]
+    assert answer == "**a** (lost less, p = 0.023)"
 
 
 def shown(counts, levels=LEVELS, n=4):
@@ -219,9 +218,8 @@ def test_the_terminal_answers_before_it_shows_tables():
 
 
 def test_the_curves_are_written_with_their_bands():
-    frame = sweep_tables.curve_table(
-        analysis(sweep_of(climbs([2, 0]) + climbs([1, 1], algorithm="b")))
-    )
+    trials = climbs([2, 0]) + climbs([1, 1], algorithm="b")
+    frame = sweep_tables.curve_table(analysis(sweep_of(trials)))
     own = frame[frame["algorithm"] == "a"]
     assert own["level"].tolist() == list(LEVELS)
     assert own["share"].tolist() == [0.5, 0.5, 0.0]
@@ -246,15 +244,10 @@ def test_accuracy_does_not_make_up_for_lost_runs():
 
 
 @pytest.mark.parametrize("clean", [False, True])
-def test_the_picture_has_panels_of_errors_by_question_and_of_costs_by_sensors(
-    clean, tmp_path, monkeypatch
-):
+def test_the_picture_has_panels_of_errors_by_question_and_of_costs(clean, tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr(
-        sweep_figure.FigureCanvasAgg,
-        "print_figure",
-        lambda self, path, **_: drawn.append(self.figure),
-    )
+    canvas = sweep_figure.FigureCanvasAgg
+    monkeypatch.setattr(canvas, "print_figure", lambda self, path, **_: drawn.append(self.figure))
     names = ("a", "b", "a@paper", "b@paper")
     trials = [one for name in names for one in climbs([2, 1], algorithm=name, second_m=0.004)]
     levels = {"noise": list(LEVELS), "beams": list(LEVELS)}

@@ -72,10 +72,8 @@ def test_even_a_fast_drive_touches_nothing():
 def test_same_seed_same_log_and_another_seed_another(name, tmp_path):
     written = []
     for k, seed in enumerate((1, 1, 2)):
-        setting = Setting(
-            arena=name, seed=seed, duration=0.5, sensor="lds01", resolution=0.05, size=24.0
-        )
-        log = simulate(setting)
+        small = {"duration": 0.5, "sensor": "lds01", "resolution": 0.05, "size": 24.0}
+        log = simulate(Setting(arena=name, seed=seed, **small))
         log.save(tmp_path / f"{k}.npz")
         written.append((tmp_path / f"{k}.npz").read_bytes())
         assert world_of(log).fingerprint == log.meta["simulated"]["world"]

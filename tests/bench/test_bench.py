@@ -25,12 +25,8 @@ def test_a_run_that_leaves_the_limits_is_lost_and_may_come_back():
     estimate = truth.copy()
     estimate[40:60, 1] = MAX_POSITION_ERROR + 0.01
     found = loss.by_truth(Common(5.0 + np.arange(100.0), estimate, truth, 0))
-    assert found == {
-        "lost": True,
-        "at_s": 40.0,
-        "after_m": pytest.approx(4.0),
-        "completed": pytest.approx(0.8),
-    }
+    shares = {"after_m": pytest.approx(4.0), "completed": pytest.approx(0.8)}
+    assert found == {"lost": True, "at_s": 40.0} | shares
     estimate[40:60, 1] = MAX_POSITION_ERROR - 0.01
     estimate[30, 2] = 2.0 * np.pi
     assert not loss.by_truth(Common(np.arange(100.0), estimate, truth, 0))["lost"]
@@ -46,13 +42,8 @@ def test_some_broken_relations_are_no_lost_run_and_the_first_is_that_of_the_leas
         t = np.arange(100.0)[::-1].copy()
         return RelationErrors(t, translation, np.zeros(100), np.zeros(100, bool), 100)
 
-    assert loss.by_relations(errors(5), 10.0) == {
-        "lost": False,
-        "at_s": 85.0,
-        "after_m": None,
-        "completed": 0.95,
-        "broken": 5,
-    }
+    found = {"lost": False, "at_s": 85.0, "after_m": None, "completed": 0.95, "broken": 5}
+    assert loss.by_relations(errors(5), 10.0) == found
     assert loss.by_relations(errors(6), 10.0)["lost"]
 
 
@@ -71,12 +62,10 @@ def test_a_run_has_the_same_figures_in_its_summary_and_in_the_benchmark(room_fil
     assert row["cpu_ms"] == {name: row["cost"][f"{name}_ms"] for name in ("p50", "p95", "max")}
     assert row["real_time_factor"] == row["cost"]["real_time_factor"]
     assert [key for key in own["errors"] if key.startswith("per_")] == ["per_update", "per_1_s"]
+    names = {"translation_m": "se2_translation_m", "rotation_rad": "orientation_rad"}
     for key, span in (("per_update", "update"), ("per_1_s", "1 s")):
         found = row["errors"]["spans"][span]
-        for name, theirs in (
-            ("translation_m", "se2_translation_m"),
-            ("rotation_rad", "orientation_rad"),
-        ):
+        for name, theirs in names.items():
             for moment, value in own["errors"][key][name].items():
                 assert value == pytest.approx(found[theirs][moment], rel=1e-9, abs=1e-12)
     for name in ("ate_m", "end_m"):

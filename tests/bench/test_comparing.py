@@ -31,9 +31,8 @@ def test_parameters_of_one_algorithm_leave_the_others_alone(tmp_path):
     plain = choice_of("--algorithms", "tsd", "tsd@original", "crsm")
     given = ["--params", f"tsd:{tmp_path / 'a.yaml'}", "--set", "tsd:cell=0.05"]
     given += ["--seed", "3", "--seed", "crsm:5", "--set", "slams.baselines:Odometry:seed=9"]
-    found = choice_of(
-        "--algorithms", "tsd", "tsd@original", "crsm", "slams.baselines:Odometry", *given
-    )
+    labels = ("tsd", "tsd@original", "crsm", "slams.baselines:Odometry")
+    found = choice_of("--algorithms", *labels, *given)
     assert found["tsd"] == plain["tsd"].replace(cell=0.05, seed=4)
     assert found["tsd@original"] == plain["tsd@original"].replace(seed=3)
     assert found["crsm"] == plain["crsm"].replace(seed=5)
@@ -154,9 +153,8 @@ def test_each_drive_has_its_own_mishap_and_a_clean_one_none(tmp_path):
 def test_a_name_alone_is_all_its_levels_and_levels_by_hand_are_one_climb():
     assert plan.conditions_of(["noise"]) == {"noise": CATALOG["noise"].levels}
     found = plan.conditions_of(["noise=0.3", "beams", "noise=0.01", "clean"])
-    assert [(name, len(levels)) for name, levels in found.items()] == [
-        *(("clean", 1), ("beams", 8), ("noise", 2)),
-    ]
+    counts = [(name, len(levels)) for name, levels in found.items()]
+    assert counts == [("clean", 1), ("beams", 8), ("noise", 2)]
     assert found["noise"] == (0.3, 0.01)
     assert len(plan.conditions_of(["all"])) == len(CATALOG)
 

@@ -85,15 +85,13 @@ def test_a_degraded_log_keeps_its_world():
     assert world_of(degraded).fingerprint == world_of(log).fingerprint
 
 
+NOISE = "standard deviation of Gaussian noise added to each reading"
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        (
-            "noise=-1",
-            "noise: got -1, expected 0 to 10 m (standard deviation of Gaussian noise added to each "
-            "reading), for"
-            " instance 0.05, 0.1, 0.2",
-        ),
+        ("noise=-1", f"noise: got -1, expected 0 to 10 m ({NOISE}), for instance 0.05, 0.1, 0.2"),
         ("noise=much", "got much, expected 0 to 10 m"),
         ("noise=nan", "got nan"),
         ("noise=", "noise: got , expected"),
@@ -136,6 +134,7 @@ def odd_logs():
     jumps = ScanLog(back, log.ranges, log.laser, *noted)
     blind = dataclasses.replace(log, ranges=np.full_like(log.ranges, np.nan))
     late = dataclasses.replace(log, truth=TimeSeries(log.t[10:], log.truth.values[10:]))
+    clockwise = dataclasses.replace(log.laser, angle_increment=-0.02)
     return {
         "no odometry": log.select(odometry=False),
         "one scan": log.rows(slice(0, 1)),
@@ -143,9 +142,7 @@ def odd_logs():
         "one beam": plain(40, n_beams=1),
         "nothing seen": blind,
         "truth from the tenth scan on": late,
-        "clockwise": dataclasses.replace(
-            log, laser=dataclasses.replace(log.laser, angle_increment=-0.02)
-        ),
+        "clockwise": dataclasses.replace(log, laser=clockwise),
     }
 
 
@@ -236,9 +233,8 @@ def test_sweep_measures_beam_after_beam():
 
 
 def test_a_sweep_of_a_sweep_takes_the_first_ones_times_into_account():
-    swept = dataclasses.replace(
-        plain(200, rate=100.0), laser=laser(181, time_increment=0.75 / 100 / 180)
-    )
+    lidar = laser(181, time_increment=0.75 / 100 / 180)
+    swept = dataclasses.replace(plain(200, rate=100.0), laser=lidar)
     turning = degrade(swept, "sweep", 10, 0)
     source = [
         int(np.flatnonzero(swept.ranges[:, j] == r)[0]) for j, r in enumerate(turning.ranges[3])
@@ -249,9 +245,8 @@ def test_a_sweep_of_a_sweep_takes_the_first_ones_times_into_account():
 
 
 def test_sweep_needs_a_faster_log():
-    with pytest.raises(
-        ValueError, match=r"sweep: 10 turns .* scans at 40 Hz or more, .* has 20 Hz"
-    ):
+    sentence = r"sweep: 10 turns .* scans at 40 Hz or more, .* has 20 Hz"
+    with pytest.raises(ValueError, match=sentence):
         degrade(plain(), "sweep", 10, 0)
     assert len(degrade(plain(), "sweep", 5, 0)) > 20
 
@@ -342,14 +337,10 @@ def test_gap_and_blind_spell_last_as_long_as_they_should(back):
 
 def test_speed_is_the_same_way_in_less_time_under_the_same_laser():
     log = plain()
-    late = dataclasses.replace(
-        log,
-        t=log.t + 100.0,
-        odom=TimeSeries(log.t + 100.0, log.odom.values),
-        truth=TimeSeries(log.t + 100.0, log.truth.values),
-        yaw_rate=TimeSeries(log.t + 100.0, log.yaw_rate.values),
-        laser=dataclasses.replace(log.laser, time_increment=2e-4),
-    )
+    t, lidar = log.t + 100.0, dataclasses.replace(log.laser, time_increment=2e-4)
+    names = ("odom", "truth", "yaw_rate")
+    tracks = {name: TimeSeries(t, getattr(log, name).values) for name in names}
+    late = dataclasses.replace(log, t=t, laser=lidar, **tracks)
     fast = degrade(late, "speed", 2, 0)
     assert fast.t[0] == 100.0 and fast.scan_period == pytest.approx(log.scan_period)
     assert fast.laser.time_increment == 1e-4

@@ -31,9 +31,8 @@ def test_maps_stand_in_rows_of_the_same_length(drawn, count, columns, rows):
     names = [f"run {k}" for k in range(count)]
     way = np.zeros((2, 3))
     pose = Pose2(0.0, 0.0, 0.0)
-    figures.save_maps(
-        dict.fromkeys(names, figures.Plan(grid, pose, way)), way, palette.looks(names), "nowhere"
-    )
+    plans = dict.fromkeys(names, figures.Plan(grid, pose, way))
+    figures.save_maps(plans, way, palette.looks(names), "nowhere")
     shape = drawn[0].axes[0].get_gridspec()
     assert (shape.ncols, shape.nrows) == (columns, rows)
     assert [axes.get_title() for axes in drawn[0].axes if axes.get_visible()] == names

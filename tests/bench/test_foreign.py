@@ -146,9 +146,7 @@ def test_start_luck_is_told(log, tmp_path, capsys):
     assert bad["starts"]["above"] == 3
 
 
-def test_a_bag_recorded_beside_another_slam_gives_the_whole_table(
-    log, tmp_path, capsys, monkeypatch
-):
+def test_a_bag_recorded_with_another_slam_gives_the_whole_table(log, tmp_path, capsys, monkeypatch):
     """Scans, wheels and the other's map -> odom by tf in one bag, its map beside, one command."""
     frames = {}
     monkeypatch.setattr(

@@ -48,9 +48,8 @@ def test_drive_keeps_its_limits():
 def test_drive_rates_are_the_derivative_of_its_poses():
     _, true = small_drive()
     steps, dt = np.diff(true.poses, axis=0), np.diff(true.t)
-    np.testing.assert_allclose(
-        np.hypot(steps[:, 0], steps[:, 1]), true.rates[1:, 0] * dt, atol=1e-8
-    )
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
+    np.testing.assert_allclose(lengths, true.rates[1:, 0] * dt, atol=1e-8)
     np.testing.assert_allclose(steps[:, 2], true.rates[1:, 1] * dt, atol=1e-12)
     direction = np.arctan2(steps[:, 1], steps[:, 0])
     sideways = wrap_angle(direction - 0.5 * (true.poses[1:, 2] + true.poses[:-1, 2]))

@@ -23,9 +23,8 @@ def test_a_name_is_the_same_for_ever_whatever_the_order_of_keys_and_wherever_thi
     what = {"log": "ab", "odometry": None, "seed": 3, "level": 0.1}
     task = Task("bench.run.some:run", what, where={"path": "elsewhere"})
     assert canonical(task.what) == '{"level":0.1,"log":"ab","odometry":null,"seed":3}'
-    assert task.key_for("code") == (
-        "ed32806b6ffc6277d785f9304b8f29d49956c95d94b22354e631ddb6c832c5d0"
-    )
+    key = "ed32806b6ffc6277d785f9304b8f29d49956c95d94b22354e631ddb6c832c5d0"
+    assert task.key_for("code") == key
 
 
 def test_everything_given_is_in_the_name_to_the_last_bit():

@@ -170,9 +170,7 @@ def test_the_same_bytes_from_one_process_and_two(room_file, tmp_path):
     assert "jump" in (places["one"] / "report.html").read_text()
 
 
-def test_what_is_done_is_not_done_again_and_not_counted_as_work(
-    room_file, tmp_path, capsys, monkeypatch
-):
+def test_what_is_done_is_not_done_again_nor_counted(room_file, tmp_path, capsys, monkeypatch):
     given = arguments_of(room_file, tmp_path / "out", "--jobs", "1")
     words = [word for word in given if word != "-q"]
     counted = []

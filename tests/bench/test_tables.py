@@ -48,29 +48,18 @@ def compared(*logs):
 def test_the_one_table_has_error_loss_and_cost_in_their_units():
     cost = {"mean_ms": 0.5, "real_time_factor": 9.0, "peak_memory_mb": 70.0, "start_up_s": 0.25}
     table = tables.main_table({}, [row(error=0.002, cost=cost), strayed("b")])
-    assert table.loc["a"].to_dict() == {
-        "1 s [mm]": 2.0,
-        "ATE [mm]": 10.0,
-        "lost": "no",
-        "CPU [ms]": 0.5,
-        "memory [MB]": 70.0,
-        "start-up [s]": 0.25,
-        "used": "laser",
-    }
+    errors = {"1 s [mm]": 2.0, "ATE [mm]": 10.0, "lost": "no"}
+    costs = {"CPU [ms]": 0.5, "memory [MB]": 70.0, "start-up [s]": 0.25}
+    assert table.loc["a"].to_dict() == errors | costs | {"used": "laser"}
     assert table.loc["b (lost)", "lost"] == "after 4 s"
 
 
 def test_without_a_truth_the_one_table_has_what_stands_for_it():
     rows = [unaided("a", 20.0, 0.01, 0.03), unaided("b", 25.0, 0.02, None)]
     table = tables.main_table({}, rows)
-    assert table.loc["b"].to_dict() | {"disagreement [mm]": 0} == {
-        "walls [x]": 1.25,
-        "revisits [mm]": 20.0,
-        "disagreement [mm]": 0,
-        "lost": "no",
-        "CPU [ms]": 1.0,
-        "used": "laser",
-    }
+    figures = {"walls [x]": 1.25, "revisits [mm]": 20.0, "disagreement [mm]": 0}
+    more = {"lost": "no", "CPU [ms]": 1.0, "used": "laser"}
+    assert table.loc["b"].to_dict() | {"disagreement [mm]": 0} == figures | more
     assert tables.unaided_table({}, rows).empty
     truth = [unaided("a", 20.0, 0.01, 0.03) | {"errors": row()["errors"]}]
     assert tables.unaided_table({}, truth).loc["a", "disagreement [mm]"] == 30.0
@@ -119,11 +108,8 @@ def test_the_answer_is_the_cheapest_of_those_as_accurate_within_chance():
     rows += [row("e", 0.0026, ms=0.5)]
     rows += [strayed("d", error=0.001), row("odometry", 0.0, ms=0.1)]
     found = compared(rows)
-    found.logs[0].entry["verdicts"] = [
-        pair("b", "a", 0.3),
-        pair("c", "b", 0.001),
-        pair("e", "b", 0.9),
-    ]
+    verdicts = [pair("b", "a", 0.3), pair("c", "b", 0.001), pair("e", "b", 0.9)]
+    found.logs[0].entry["verdicts"] = verdicts
     assert words.answer(found) == [
         "Take a: 2.10 mm over 1 s, 3.000 ms per scan.",
         "As accurate within chance, but slower: b.",

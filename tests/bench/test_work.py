@@ -83,9 +83,8 @@ def test_what_is_raised_is_a_result_without_addresses_kept_if_it_is_the_algorith
 
 def test_other_code_than_the_sweep_was_started_with_is_no_result():
     task = toy("run", n=1)
-    with pytest.raises(
-        RuntimeError, match=r"does not have the code .*tests\.bench\.toy_runs.* start again"
-    ):
+    sentence = r"does not have the code .*tests\.bench\.toy_runs.* start again"
+    with pytest.raises(RuntimeError, match=sentence):
         perform(task, task.key_for("older code"))
     absent = Task("absent:run", {}, ("absent_package",))
     with pytest.raises(RuntimeError, match="does not have the code"):

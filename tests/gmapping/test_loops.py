@@ -105,9 +105,7 @@ def seen(view):
         (OLDER, Pose2(0.04, 0.03, 0.0), True, False),
     ],
 )
-def test_particles_move_to_a_candidate_where_old_surfaces_match_more_of_a_scan(
-    way, place, free, closes
-):
+def test_particles_move_to_where_old_surfaces_match_more_of_a_scan(way, place, free, closes):
     """Not where a fifth of the scan ends in what was seen `free` then."""
     matcher, view = matcher_of(IDENTITY), view_of(IDENTITY)
     counts = seen(view)

@@ -27,9 +27,7 @@ settled = partial(after, "tsd")
         (0.2, {0.0: 0.0, 0.2: 0.18}, [0.0, 0.18]),  # else both compete
     ],
 )
-def test_the_field_is_fitted_from_the_start_and_where_icp_went_far_from_there(
-    coarse, fits, found, monkeypatch
-):
+def test_the_field_is_fitted_from_the_start_and_a_far_icp_pose(coarse, fits, found, monkeypatch):
     slam = settled(3)
 
     def align(scan, start, prior):

@@ -63,9 +63,8 @@ def test_an_array_that_claims_another_size_than_it_has(name, shape, descr, log):
 def test_a_text_that_is_nested_deep(log):
     deep = np.array(100_000 * "[" + 100_000 * "]")
     replace_member(log, "meta.npy", [header((), f"<U{200_000}"), deep.tobytes()])
-    assert "meta: got other text, expected a JSON object" in cheaply_refused(
-        lambda: slams.load(log), log
-    )
+    sentence = cheaply_refused(lambda: slams.load(log), log)
+    assert "meta: got other text, expected a JSON object" in sentence
 
 
 def test_an_array_that_unpacks_to_a_thousand_times_its_size(log):

@@ -100,15 +100,9 @@ def test_an_npz_of_others_says_what_it_likes_about_its_source(source, tmp_path, 
 
 def a_map(tmp_path, pixels, **changes):
     cv2.imwrite(str(tmp_path / "m.png"), np.array(pixels, np.uint8))
-    entries = {
-        "image": "m.png",
-        "resolution": 0.1,
-        "origin": [1.0, 2.0, 0.0],
-        "negate": 0,
-        "occupied_thresh": 0.65,
-        "free_thresh": 0.196,
-    } | changes
-    (tmp_path / "m.yaml").write_text(yaml.safe_dump(entries))
+    entries = {"image": "m.png", "resolution": 0.1, "origin": [1.0, 2.0, 0.0], "negate": 0}
+    entries |= {"occupied_thresh": 0.65, "free_thresh": 0.196}
+    (tmp_path / "m.yaml").write_text(yaml.safe_dump(entries | changes))
     return tmp_path / "m.yaml"
 
 

@@ -13,9 +13,8 @@ from slams.formats import mcap, trajectory
 from slams.types import Laser, OccupancyGrid, Pose2
 from tests import bags
 
-GRID = OccupancyGrid(
-    np.array([[0.878, 0.1, np.nan], [0.5, 0.0, 1.0]], np.float32), 0.05, (-1.0, 2.0)
-)
+CELLS = np.array([[0.878, 0.1, np.nan], [0.5, 0.0, 1.0]], np.float32)
+GRID = OccupancyGrid(CELLS, 0.05, (-1.0, 2.0))
 WAY = np.stack([np.arange(6.0), 0.5 * np.arange(6), np.linspace(-3, 3, 6)], axis=1)
 
 

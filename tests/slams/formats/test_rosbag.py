@@ -502,10 +502,8 @@ def test_a_database_whose_recorder_was_killed(tmp_path):
     assert len(slams.load(whole)) == N
     assert "(its last messages are still in killed.db3-wal); 'sqlite3" in refused(killed)
     assert len(slams.load(killed, salvage=True)) == N
-    assert sorted(path.name for path in tmp_path.glob("killed*")) == [
-        "killed.db3",
-        "killed.db3-wal",
-    ]
+    names = sorted(path.name for path in tmp_path.glob("killed*"))
+    assert names == ["killed.db3", "killed.db3-wal"]
 
 
 def test_a_folder_whose_recording_never_began(tmp_path):

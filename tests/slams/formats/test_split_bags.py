@@ -60,9 +60,8 @@ def test_several_files_are_one_log(kind, salvage, tmp_path):
 
 def test_a_file_without_the_static_transforms_of_its_drive_is_refused(tmp_path):
     _, second = split(tmp_path, "bag")
-    with pytest.raises(
-        ValueError, match=r"no transform from .*base_footprint.* base_scan"
-    ) as caught:
+    sentence = r"no transform from .*base_footprint.* base_scan"
+    with pytest.raises(ValueError, match=sentence) as caught:
         slams.load(second)
     assert "give all files" in str(caught.value) and str(second) in str(caught.value)
     log = slams.load(second, base_frame="base_scan")  # said by the user

@@ -89,9 +89,7 @@ class Grid:
         ((0.6, 0.0), (0.6, 0.0), "matched"),  # along a corridor that is empty
     ],
 )
-def test_a_scan_in_conflict_moves_the_robot_against_its_wheels_only_with_a_lead(
-    there, predicted, state
-):
+def test_a_scan_in_conflict_overrules_the_wheels_only_with_a_lead(there, predicted, state):
     estimator, grid = PoseEstimator(FrontendParams(search=False)), Grid()
     points = EndPoints(RefineParams())
     for k in range(2):

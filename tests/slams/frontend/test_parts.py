@@ -297,9 +297,7 @@ def test_along_a_bare_corridor_a_match_beyond_the_gate_is_of_this_interval(off, 
         ((0.0, 0.4), 1.1, "predicted"),
     ],
 )
-def test_wheels_that_the_map_contradicts_give_way_to_a_match_that_explains_more_than_half(
-    predicted, off, state
-):
+def test_wheels_in_conflict_with_the_map_give_way_to_a_match_of_most_points(predicted, off, state):
     robot = Standing(19)
     robot.predicted = predicted
     assert robot.take(1, 0.6, 0.0, Pose2(off, 0.0, 0.0)).state == state

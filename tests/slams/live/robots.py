@@ -60,9 +60,8 @@ class Bus:
         return [typestore().deserialize_cdr(d, self.types[topic]) for d in self.raw.get(topic, [])]
 
     def publish(self, topic, msgtype, message, quality=Quality.RELIABLE):
-        self.transport().advertise(topic, msgtype, quality).publish(
-            bytes(typestore().serialize_cdr(message, msgtype))
-        )
+        data = bytes(typestore().serialize_cdr(message, msgtype))
+        self.transport().advertise(topic, msgtype, quality).publish(data)
 
 
 class BusTransport:

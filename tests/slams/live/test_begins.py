@@ -144,8 +144,7 @@ def test_a_map_that_stays_is_shown_at_once_and_the_place_found(folder, monkeypat
 
 def test_a_place_in_doubt_is_told_and_nothing_is_published(monkeypatch, tmp_path):
     square, lidar = np.array(box(-2.0, -2.0, 2.0, 2.0)), laser(361)
-    begin = {"map": grid_of(square)}
-    stand = Stand(monkeypatch, "hector", begin=begin)
+    stand = Stand(monkeypatch, "hector", begin={"map": grid_of(square)})
     n = 10
     ranges = np.array([cast(square, (0.5, 0.2, 0.1), lidar)] * n, np.float32)
     stand.play(slams.ScanLog(np.arange(float(n)), ranges, lidar))
@@ -156,11 +155,8 @@ def test_a_place_in_doubt_is_told_and_nothing_is_published(monkeypatch, tmp_path
     assert "/pose" not in stand.bus.raw and len(stand.bus.sent("/tf")) == moved
     assert len(stand.bus.sent("/slam/state")) == n
     (sentence,) = [note for note in stand.notes if "not localized in the map yet" in note]
-    assert (
-        sentence.startswith("1 scans so far")  # and again after a while
-        and "most likely: " in sentence
-        and "with probability 0." in sentence
-    )
+    assert sentence.startswith("1 scans so far")  # and again after a while
+    assert "most likely: " in sentence and "with probability 0." in sentence
     assert not stand.live.last.found
     assert np.isinf(stand.live.last.covariance[0, 0])
 
@@ -227,8 +223,7 @@ def test_states_and_maps_over_the_network(folder, tmp_path):
 
     def played(name, *more, end=signal.SIGTERM):
         out = tmp_path / f"out-{name}-{len(more)}"
-        there = ("--out", out, *more)
-        live = started("slams.live", "hector", *there, folder=tmp_path)
+        live = started("slams.live", "hector", "--out", out, *more, folder=tmp_path)
         while "ready for scans" not in live.stderr.readline():
             assert live.poll() is None
         play = ("slams.play", f"{name}.npz", "--rate", 4, "--wait-for-subscriber", PATIENCE)
@@ -238,10 +233,9 @@ def test_states_and_maps_over_the_network(folder, tmp_path):
         assert live.returncode == 0, error
         return out
 
-    parts = [
-        played("first", "--save-state", state),
-        played("second", "--resume-state", state, "--save-state", state, end=signal.SIGINT),
-    ]
+    parts = [played("first", "--save-state", state)]
+    words = ("--resume-state", state, "--save-state", state)
+    parts.append(played("second", *words, end=signal.SIGINT))
     whole = ["hector", str(folder / "placed.npz"), "-q", "--out", str(tmp_path / "run")]
     assert run.main(whole) == 0
     assert np.array_equal(np.vstack(list(map(trajectory, parts))), trajectory(tmp_path / "run"))

@@ -109,9 +109,9 @@ def unpacked(msgtype, data):
                 dressed(annotation)
 
     def plain(value):
-        return (
-            {k: plain(v) for k, v in vars(value).items()} if isinstance(value, IdlStruct) else value
-        )
+        if not isinstance(value, IdlStruct):
+            return value
+        return {name: plain(part) for name, part in vars(value).items()}
 
     dressed(transport.message_type(msgtype))
     return plain(transport.message_type(msgtype).__idl__.deserialize(data))
@@ -177,9 +177,8 @@ def test_a_run_of_the_recording_gives_the_poses_of_the_robot(transports, tmp_pat
     more = ("--out", out, "--record", tmp_path / "seen.mcap", "--wait", 5.0)
     live = started("slams.live", "hector", *more, folder=tmp_path)
     assert "ready for scans on /scan" in live.stderr.readline()
-    play = started(
-        "slams.play", "tb.npz", "--rate", 4, "--wait-for-subscriber", PATIENCE, folder=tmp_path
-    )
+    words = ("slams.play", "tb.npz", "--rate", 4, "--wait-for-subscriber", PATIENCE)
+    play = started(*words, folder=tmp_path)
     output, error = play.communicate(timeout=2 * PATIENCE)
     assert (play.returncode, output) == (0, "25 scans of tb published\n"), error
     until(lambda: sum(to_odom(record) for record in moves) >= 20)

@@ -1,6 +1,5 @@
 """A peer of another vendor: Fast DDS, ROS 2's usual one, where its library is installed."""
 
-import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -25,12 +24,8 @@ def peer(tmp_path):
         pytest.skip("needs g++ and Fast DDS (Debian: libfastrtps-dev)")
     program = tmp_path / "peer"
     libraries = ("-lfastrtps", "-lfastcdr")
-    built = subprocess.run(
-        ["g++", "-std=c++17", "-O0", str(SOURCE), *libraries, "-o", str(program)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    words = ["g++", "-std=c++17", "-O0", str(SOURCE), *libraries, "-o", str(program)]
+    built = subprocess.run(words, capture_output=True, text=True)
     if built.returncode:
         pytest.skip(f"the installed Fast DDS has another interface: {built.stderr[:200]}")
     return program
@@ -41,14 +36,8 @@ def test_a_robot_with_fast_dds_is_mapped_and_gets_map_pose_and_transform(peer, t
     more = ("--out", "out", "--map-every", 0.2)
     live = started("slams.live", "hector", *more, folder=tmp_path)
     assert "ready for scans on /scan" in live.stderr.readline()
-    robot = subprocess.run(
-        [peer, str(DOMAIN), "scan.cdr", str(int(PATIENCE))],
-        cwd=tmp_path,
-        env=os.environ,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    words = [peer, str(DOMAIN), "scan.cdr", str(int(PATIENCE))]
+    robot = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
     assert robot.returncode == 0, robot.stderr
     got = {}
     for line in robot.stdout.splitlines():

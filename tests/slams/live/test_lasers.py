@@ -40,9 +40,8 @@ def test_poses_are_those_of_a_run_of_the_recording_in_the_order_of_stamps(monkey
     drive(stand)
     stand.start_and_drive()
     log, _ = stand.recorded(scan_topic="/front", more_scan_topics=("/rear",))
-    assert [lidar.mount for lidar in log.lasers] == [
-        pytest.approx(place, abs=1e-12) for place in PLACES.values()
-    ]
+    places = [pytest.approx(place, abs=1e-12) for place in PLACES.values()]
+    assert [lidar.mount for lidar in log.lasers] == places
     assert len(log) == 60
     assert stand.node.report()["late"] == 0
 
@@ -119,16 +118,14 @@ def test_the_oldest_scans_are_left_out(monkeypatch):
 
 
 def test_topics_on_the_command_line():
-    options = node_options(
-        parser().parse_args(["hector", "--scan-topic", "front", "--scan-topic", "/rear"])
-    )
+    words = ["hector", "--scan-topic", "front", "--scan-topic", "/rear"]
+    options = node_options(parser().parse_args(words))
     assert options.scans == ("/front", "/rear")
     for imu in (["--imu", "gyro"], ["--remap", "/imu:=/gyro"]):
         options = node_options(parser().parse_args(["hector", "--remap", "/map:=/m", *imu]))
         assert options.names == topic_names(["/map:=/m", "/imu:=/gyro"])
-    with pytest.raises(
-        ValueError, match="--scan-topic: got /a, /a, expected up to 8 different topics"
-    ):
+    sentence = "--scan-topic: got /a, /a, expected up to 8 different topics"
+    with pytest.raises(ValueError, match=sentence):
         NodeOptions(("/a", "/a"))
 
 

@@ -34,9 +34,7 @@ def test_a_map_is_published_at_its_pace_and_at_the_end_if_there_was_a_scan_since
 
 
 @pytest.mark.parametrize(("every", "n_notes"), [(3600.0, 1), (0.0, 0)])
-def test_a_map_that_cannot_be_published_is_reported_and_none_is_drawn_unasked(
-    every, n_notes, monkeypatch
-):
+def test_a_map_that_cannot_be_sent_is_reported_and_none_drawn_unasked(every, n_notes, monkeypatch):
     def refuse(stamp, grid):
         raise OSError("no network")
 

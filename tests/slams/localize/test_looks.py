@@ -78,9 +78,7 @@ def test_the_map_is_searched_again_after_a_way_or_a_turn(guided, odometry, searc
 
 
 @pytest.mark.parametrize(("score", "searches"), [(0.9, 1), (0.4, 2)])
-def test_standing_still_the_map_is_searched_again_only_where_it_does_not_explain(
-    guided, score, searches
-):
+def test_at_a_standstill_only_an_unexplained_scan_starts_a_search(guided, score, searches):
     guide = Guide(HERE, THERE, score=score)
     localizer = GlobalLocalizer(guide)
     for t in (0.0, 0.5 * SEARCH_TIME, 0.95 * SEARCH_TIME):

@@ -157,9 +157,7 @@ def test_a_hit_reaches_across_its_wall_and_half_way_to_the_next_along_it(gap, si
         (0.04, {0.04: 0.03, 0.0: 0.025}, [0.03]),  # which is the same
     ],
 )
-def test_lines_are_fitted_from_the_start_and_where_a_coarse_match_ended(
-    coarse, fits, found, monkeypatch
-):
+def test_lines_are_fitted_from_the_start_and_the_coarse_match(coarse, fits, found, monkeypatch):
     lines, points = mapped()
 
     def fit(points, start, prior, close=False):
