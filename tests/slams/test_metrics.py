@@ -59,10 +59,10 @@ def test_pairs_over_time_follow_stamps_where_scans_are_missing_or_out_of_order()
     assert found == [(0.0, 0.1), (0.1, 0.2), (0.2, 0.3), (0.3, 0.4), (0.9, 1.0)]
 
 
-def test_pairs_over_way_wait_for_the_way():
+def test_pairs_over_path_wait_for_the_path():
     poses = np.zeros((6, 3))
     poses[:, 0] = [0.0, 0.4, 0.4, 0.8, 1.2, 1.4]
-    first, second = bench_metrics.pairs_over_way(poses, 1.0)
+    first, second = bench_metrics.pairs_over_path(poses, 1.0)
     assert first.tolist() == [0, 1, 2]
     assert second.tolist() == [4, 5, 5]
 

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from bench.judge.metrics import pairs_over_way
+from bench.judge.metrics import pairs_over_path
 from slams import Params, metrics, player
 from slams.player import Run
 from slams.registry import create
@@ -90,7 +90,7 @@ def test_spans_are_updates_seconds_or_meters():
     for (a, b), first, apart in (
         (metrics.pairs_over_time(T, 0.0), 19, 1),
         (metrics.pairs_over_time(T, 1.0), 18, 2),
-        (pairs_over_way(truth, 1.0), 16, 4),
+        (pairs_over_path(truth, 1.0), 16, 4),
     ):
         assert len(a) == first and set((b - a).tolist()) == {apart}
 
