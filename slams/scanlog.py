@@ -97,6 +97,7 @@ class ScanLog:
         odometry = self.odometry_at_scans()
         yaw = None if self.yaw_rate is None else self.yaw_rate.integral_at(self.t)
         attitudes = self.attitude_at_scans()
+        mid_odometry, mid_yaw = self._at_mid_sweeps()
         lasers, numbers = self.lasers, self.numbers.tolist()
         for i, (t, ranges) in enumerate(zip(self.t.tolist(), self.ranges, strict=True)):
             laser = lasers[numbers[i]]
@@ -107,6 +108,8 @@ class ScanLog:
                 None if odometry is None else Pose2(*odometry[i].tolist()),
                 None if yaw is None else float(yaw[i]),
                 None if attitudes is None else Attitude(*attitudes[i].tolist()),
+                None if mid_odometry is None else Pose2(*mid_odometry[i].tolist()),
+                None if mid_yaw is None else float(mid_yaw[i]),
             )
 
     @property
@@ -190,6 +193,14 @@ class ScanLog:
             return None
         same = np.array_equal(series.t, self.t)  # a value per scan, even if stamps jump back
         return series.values if same else at(series, self.t)
+
+    def _at_mid_sweeps(self) -> tuple[Floats | None, Floats | None]:
+        """Odometry (n, 3) and yaw (n,) at the middle of the sweeps; None for instantaneous ones."""
+        middle = self.t + 0.5 * np.array([one.sweep_time for one in self.lasers])[self.numbers]
+        if np.array_equal(middle, self.t):
+            return None, None
+        odometry = None if self.odom is None else self.odom.poses_at(middle)
+        return odometry, None if self.yaw_rate is None else self.yaw_rate.integral_at(middle)
 
     def _series_rows(
         self, series: TimeSeries | None, part: slice | NDArray[Any]

@@ -8,7 +8,7 @@ Arrays of cells are indexed [iy, ix].
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal, NamedTuple, Never, Protocol, overload, runtime_checkable
 
@@ -144,8 +144,9 @@ class Scan:
     `t` [s] is the stamp of the first beam. `ranges` (n_beams,) float32 [m] is read-only: inf =
     nothing up to range_max, nan = no valid reading. `odometry` is the base's pose in an arbitrary
     odom frame; `yaw` [rad] the heading integrated from the gyro, origin arbitrary; `attitude` roll
-    and pitch of the base at `t`. Each is None if it was not measured or is not finite. The truth is
-    never part of a scan.
+    and pitch of the base at `t`. `mid_odometry`, `mid_yaw`: the same at the middle of the sweep, if
+    that takes time. Each is None if it was not measured or is not finite. The truth is never part
+    of a scan.
     """
 
     t: float
@@ -154,13 +155,30 @@ class Scan:
     odometry: Pose2 | None = None
     yaw: float | None = None
     attitude: Attitude | None = None
+    mid_odometry: Pose2 | None = None
+    mid_yaw: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("odometry", "yaw", "attitude"):
+        for name in ("odometry", "yaw", "attitude", "mid_odometry", "mid_yaw"):
             value = getattr(self, name)
-            numbers = (value,) if name == "yaw" else value
+            numbers = (value,) if name.endswith("yaw") else value
             if value is not None and not all(map(math.isfinite, numbers)):
                 object.__setattr__(self, name, None)
+
+    @property
+    def at_mid_sweep(self) -> Scan:
+        """The scan with odometry and yaw of the middle of its sweep, if they were measured there.
+
+        That is where a deskewed scan is matched. At the stamp, half a sweep earlier, an
+        accelerating robot has another velocity.
+        """
+        odometry, yaw = self.odometry, self.yaw
+        if odometry is not None and self.mid_odometry is not None:
+            odometry = self.mid_odometry
+        if yaw is not None and self.mid_yaw is not None:
+            yaw = self.mid_yaw
+        is_same = odometry is self.odometry and yaw is self.yaw
+        return self if is_same else replace(self, odometry=odometry, yaw=yaw)
 
 
 @dataclass(frozen=True)

@@ -100,6 +100,7 @@ class MotionFilter:
 
     def predict(self, scan: Scan) -> Prediction:
         """Predict the state at a scan, by the motion so far and the readings of wheels and gyro."""
+        scan = scan.at_mid_sweep
         last, self._last_scan = self._last_scan, scan
         self._dt = dt = self._timing.elapsed(scan.t, scan.laser.mount)
         self._last_pose[:] = self._z[:3]

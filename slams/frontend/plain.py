@@ -41,6 +41,7 @@ class PlainEstimator:
 
     def predict(self, scan: Scan) -> Prediction:
         """Predict the pose by the step of the wheels, or by the last step."""
+        scan = scan.at_mid_sweep
         last, self._last_scan = self._last_scan, scan
         self._dt = 0.0 if last is None else max(scan.t - last.t, 0.0)
         step = self._step  # not twist times interval: stamps jitter more than steps do

@@ -232,11 +232,14 @@ class Node:
     def _push(self, scan: ReceivedScan) -> None:
         """Process a scan and publish its pose and state."""
         laser, t = self.scans.laser(scan), scan.sweep.t
-        odometry, yaw, attitude = self.buffer.at(t, scan.received + self.options.wait)
+        until = scan.received + self.options.wait
+        middle = self.buffer.at(t + 0.5 * laser.sweep_time, until)[:2] if laser.sweep_time else ()
+        odometry, yaw, attitude = self.buffer.at(t, until)
         self.scans.counts["no_odometry"] += odometry is None and self.buffer.has_odometry
         used = None if self.options.odometry == "none" else odometry
         try:
-            estimate = self.live.push_scan(Scan(t, scan.sweep.ranges, laser, used, yaw, attitude))
+            sensors = used, yaw, attitude, *middle
+            estimate = self.live.push_scan(Scan(t, scan.sweep.ranges, laser, *sensors))
         except ValueError as error:
             self.scans.reject(error)
             return

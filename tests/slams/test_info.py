@@ -47,7 +47,7 @@ def test_a_bag_is_shown_by_topics_frames_lasers_gaps_and_uses(kind, tmp_path, ca
         line.startswith("usable by: slams run, play, convert, compare with") for line in lines
     )
     assert any(
-        line.startswith("/rear cannot be used: ") and "laser's, rear" in line for line in lines
+        line.startswith("/rear cannot be used: ") and "laser's frame rear" in line for line in lines
     )
     assert lines[-1] == "2 lasers: --scan-topic picks one, or several (given for each)"
 

@@ -104,6 +104,24 @@ def test_truth_is_interpolated_over_the_unwrapped_angle_and_never_extrapolated()
     assert abs(poses[1, 2]) == pytest.approx(np.pi)
 
 
+def test_odometry_and_yaw_are_also_looked_up_at_the_middle_of_a_sweep(tmp_path):
+    signals = {
+        "odom_t": np.array([0.0, 0.06, 0.1, 0.2, 0.21]),
+        "odom": np.array([[x, 0.0, 0.0] for x in (0.0, 1.0, 3.0, 4.0, 5.0)]),
+        "yaw_rate": np.array([1.0, 2.0, 2.0]),
+    }
+    scans = list(load(written(tmp_path, time_increment=0.06, **signals)))  # two beams
+    assert [scan.odometry.x for scan in scans] == pytest.approx([0.0, 3.0, 4.0])
+    assert [scan.mid_odometry.x for scan in scans[:2]] == pytest.approx([0.5, 3.3])
+    assert scans[1].mid_yaw - scans[1].yaw == pytest.approx(0.06)
+    middle = scans[1].at_mid_sweep
+    assert (middle.odometry, middle.yaw) == (scans[1].mid_odometry, scans[1].mid_yaw)
+    assert scans[2].mid_odometry is None, "nothing is extrapolated"
+    assert scans[2].at_mid_sweep.odometry == scans[2].odometry
+    instantaneous = list(load(written(tmp_path, **signals)))
+    assert all(scan.at_mid_sweep is scan for scan in instantaneous)
+
+
 def test_stamps_that_jump_back_keep_the_order_and_the_rows(tmp_path):
     log = load(written(tmp_path, t=np.array([0.0, 0.3, 0.2])))
     assert log.stamp_jumps == 1

@@ -8,6 +8,7 @@ import pytest
 from slams.frontend import filter_kernels as kernels
 from slams.frontend import update_kernels
 from slams.frontend.degeneracy import FULLY_OBSERVED, Observability
+from slams.frontend.filter_kernels import GYRO
 from slams.frontend.motion_filter import MIN_MATCH_STD, MotionFilter
 from slams.frontend.params import FrontendParams
 from slams.types import Laser, Pose2, Scan
@@ -179,6 +180,19 @@ def test_a_gyro_that_is_stuck_is_faulty():
         used.append(motion.gyro)
         motion.update(Pose2(0.0, 0.0, 0.1 * k), SHARP, FULLY_OBSERVED)
     assert used[1] and not used[-1]
+
+
+@pytest.mark.parametrize("at_middle", [True, False])
+def test_readings_at_mid_sweep_agree_with_the_matches_of_an_accelerating_robot(at_middle):
+    motion, t = MotionFilter(FrontendParams()), 0.2 * np.arange(60)
+    heading, middle = np.sin(t), np.sin(t + 0.1)  # a sweep of 0.2 s is matched at its middle
+    for k in range(60):
+        mid = (Pose2(0.0, 0.0, middle[k]), middle[k]) if at_middle else (None, None)
+        odometry = Pose2(0.0, 0.0, heading[k])
+        motion.predict(Scan(t[k], RANGES, LASER, odometry, heading[k], None, *mid))
+        motion.update(Pose2(0.0, 0.0, middle[k]), SHARP, FULLY_OBSERVED)
+    assert (motion._learned[1, GYRO] < 1.5) == at_middle
+    assert motion.gyro == at_middle
 
 
 @pytest.mark.parametrize(("seconds", "costs"), [(0.1, False), (1.0, True)])

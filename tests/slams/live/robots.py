@@ -34,9 +34,10 @@ LASER = laser(91)
 MOUNT = Pose2(0.2, -0.05, 0.3)
 
 
-def robot_log(n=40, first=0.0, gyro=True):
+def robot_log(n=40, first=0.0, gyro=True, time_increment=0.0):
     """Scans at 10 Hz, odometry at 30 from `first` [s], a gyro at 100, on stamps of their own."""
-    log = drive(n=n, rate=10.0, lidar=laser(181, mount=MOUNT))
+    lidar = laser(181, mount=MOUNT, time_increment=time_increment)
+    log = drive(n=n, rate=10.0, lidar=lidar)
     t = np.arange(first, log.t[-1] + 0.2, 1.0 / 30.0) + 0.003
     poses = drive_poses(len(t), 1.0 / 30.0) + np.array([5.0, 1.0, 3.1])  # headings pass pi
     poses[:, 2] = slams.types.wrap_angle(poses[:, 2])

@@ -24,12 +24,13 @@ from tests.slams.live.robots import (
 )
 
 
-@pytest.mark.parametrize("algorithm", ["hector", "crsm"])
-def test_poses_and_map_are_those_of_a_run_of_the_recording(algorithm, monkeypatch, tmp_path):
+@pytest.mark.parametrize(("algorithm", "beam"), [("hector", 0.0), ("crsm", 0.0), ("hector", 4e-4)])
+def test_poses_and_map_are_those_of_a_run_of_the_recording(algorithm, beam, monkeypatch, tmp_path):
     stand = Stand(monkeypatch, algorithm, tmp_path / "out.mcap")
-    stand.play(robot_log())
+    stand.play(robot_log(time_increment=beam))
     stand.start_and_drive()
     log, slam = stand.recorded()
+    assert (log.laser.sweep_time > 0.0) == (beam > 0.0)
     assert log.laser.mount == pytest.approx(MOUNT, abs=1e-12)
     assert np.array_equal(stand.live.map().p, slam.map().p, equal_nan=True)
     assert sum(scan.odometry is not None for scan in log) == len(log) - 1  # the first is earlier
