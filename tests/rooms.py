@@ -61,10 +61,12 @@ def fields_of(scan):
     return fan | {"stamp": scan.t, "ranges": scan.ranges, "odometry": scan.odometry}
 
 
-def push_fields(live, stamp, odometry=None, yaw=None, attitude=None, **fields):
-    """Give a `LiveSlam` a message of these fields."""
+def push_fields(live, stamp, **fields):
+    """Give a `LiveSlam` a message of these fields, and the readings among them."""
+    names = ("odometry", "yaw", "attitude", "mid_odometry", "mid_yaw")
+    readings = {name: fields.pop(name) for name in names if name in fields}
     message = SimpleNamespace(header=SimpleNamespace(stamp=stamp), **fields)
-    return live.push_message(message, odometry=odometry, yaw=yaw, attitude=attitude)
+    return live.push_message(message, **readings)
 
 
 def rewritten(source, target, **changes):

@@ -111,6 +111,8 @@ class LiveSlam:
         odometry: Sequence[float] | None = None,
         yaw: float | None = None,
         attitude: Sequence[float] | None = None,
+        mid_odometry: Sequence[float] | None = None,
+        mid_yaw: float | None = None,
     ) -> Estimate:
         """Process one sensor_msgs/LaserScan of ROS 1 or ROS 2, or any object with its fields.
 
@@ -120,12 +122,15 @@ class LiveSlam:
             odometry: x, y [m], theta [rad] of the base in the odom frame at the stamp.
             yaw: integrated rates of the gyro at the stamp [rad], with any origin.
             attitude: roll and pitch [rad] of the base at the stamp.
+            mid_odometry: the same as odometry, half a sweep later; for a rotating laser.
+            mid_yaw: the same as yaw, half a sweep later.
 
         Raises:
             ValueError: the fields are not those of a scan.
         """
-        if odometry is not None:
-            expect(len(odometry) == 3, "odometry", f"{len(odometry)} numbers", "x, y, theta")
+        for pose in (odometry, mid_odometry):
+            if pose is not None:
+                expect(len(pose) == 3, "odometry", f"{len(pose)} numbers", "x, y, theta")
         _, (ranges, geometry) = READERS[SCAN_TYPE](message)
         duration = geometry.time_increment * geometry.n_beams
         increment = geometry.time_increment if 0.0 < duration <= MAX_SWEEP_TIME else 0.0
@@ -137,6 +142,8 @@ class LiveSlam:
             None if odometry is None else Pose2(*map(float, odometry)),
             None if yaw is None else float(yaw),
             None if attitude is None else Attitude(*map(float, attitude)),
+            None if mid_odometry is None else Pose2(*map(float, mid_odometry)),
+            None if mid_yaw is None else float(mid_yaw),
         )
         return self.push_scan(scan)
 
@@ -221,15 +228,19 @@ class LiveSlam:
         The first scan after a resumed state loses its heading, and its odometry after more than
         `MAX_RESUME_GAP`: both restart at 0 when a robot is switched off.
         """
-        last, odometry, yaw = self._scan, scan.odometry, scan.yaw
+        last, poses, yaws = self._scan, [scan.odometry, scan.mid_odometry], [scan.yaw, scan.mid_yaw]
         if last is None and self._saved_at is not None:
             is_continued = 0.0 < scan.t - self._saved_at <= MAX_RESUME_GAP
-            odometry, yaw = odometry if is_continued else None, None
+            poses, yaws = poses if is_continued else [None, None], [None, None]
+        odometry, mid_odometry = (one if one and is_plausible(*one) else None for one in poses)
+        yaw, mid_yaw = (None if one is None or not is_plausible(one) else one for one in yaws)
         return replace(
             scan,
             laser=last.laser if last is not None and last.laser == scan.laser else scan.laser,
-            odometry=None if odometry is None or not is_plausible(*odometry) else odometry,
-            yaw=None if yaw is None or not is_plausible(yaw) else yaw,
+            odometry=odometry,
+            yaw=yaw,
+            mid_odometry=mid_odometry,
+            mid_yaw=mid_yaw,
         )
 
     def _previous_if_not_newer(self, t: float) -> Estimate | None:

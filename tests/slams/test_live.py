@@ -165,6 +165,15 @@ def test_heading_and_attitude_reach_the_algorithm():
     assert seen == [(0.5, Attitude(0.1, -0.2)), *[(None, None)] * 3]
 
 
+def test_readings_at_mid_sweep_reach_the_algorithm():
+    live, seen = watched(lambda scan: (scan.mid_odometry, scan.mid_yaw))
+    readings = [((1.0, 2.0, 0.3), 0.5), ((1e12, 0.0, 0.0), 1e9), (None, None)]
+    for t, (odometry, yaw) in enumerate(readings):
+        scan = scan_at((0.0, 0.0, 0.0))
+        push(live, scan, stamp=float(t), mid_odometry=odometry, mid_yaw=yaw)
+    assert seen == [(Pose2(1.0, 2.0, 0.3), 0.5), (None, None), (None, None)]
+
+
 def test_messages_of_ros_1_and_2():
     live = LiveSlam("odometry", warm_up=False)
     scan = scan_at((0.0, 0.0, 0.0))
