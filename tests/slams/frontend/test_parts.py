@@ -1,6 +1,7 @@
 """Timing, degeneracy, correlative matching, keyframes and the estimator, by synthetic cases."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -360,6 +361,7 @@ def test_a_paper_has_wheels_as_a_prior_only_if_it_has_a_motion_model(motion_mode
     params = FrontendParams(estimator="plain")
     estimator = estimator_for(params, motion_model)
     for k in range(2):
-        prior = estimator.predict(scan_at(IDENTITY, t=0.1 * k, odometry=Pose2(0.1 * k, 0.0, 0.0)))
-    assert prior.pose == pytest.approx(Pose2(0.1, 0.0, 0.0))
+        scan = scan_at(IDENTITY, t=0.1 * k, odometry=Pose2(0.1 * k, 0.0, 0.0))
+        prior = estimator.predict(replace(scan, mid_odometry=Pose2(0.12 * k, 0.0, 0.0)))
+    assert prior.pose == pytest.approx(Pose2(0.12, 0.0, 0.0)), "that at the middle of the sweep"
     assert prior.information.any() == informed
