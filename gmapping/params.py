@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from gmapping.ros import ROS as ROS_NAMES
+from gmapping.ros import ROS_NAMES
 from slams.frontend.params import FrontendParams
 from slams.grid_bounds import max_cells
 from slams.params import RosNames, param

@@ -8,7 +8,7 @@ CLIMB_ONLY = "the default matches by Gauss-Newton, not by hill climbing"
 ODOMETRY_NOISE_ONLY = "the noise is that of the tracked motion, not of odometry"
 NO_EFFECT = "no effect in slam_gmapping either"
 
-ORIGINAL = RosNames(
+ORIGINAL_ROS_NAMES = RosNames(
     package="gmapping",
     nodes=("slam_gmapping", "slam_gmapping_node", "slam_gmapping_replay"),
     ignored=dict.fromkeys(("xmin", "ymin", "xmax", "ymax"), "the map grows as needed")
@@ -22,8 +22,8 @@ ORIGINAL = RosNames(
     },
     refused={"throttle_scans": ("1", "say --every instead")},
 )
-ROS = dataclasses.replace(
-    ORIGINAL,
+ROS_NAMES = dataclasses.replace(
+    ORIGINAL_ROS_NAMES,
     original_only=dict.fromkeys(
         ("sigma", "lsigma", "lstep", "astep", "iterations", "ogain", "minimumScore"), CLIMB_ONLY
     )

@@ -17,6 +17,7 @@ from gmapping.scan import View
 from slams.frontend.degeneracy import scan_observability
 from slams.frontend.motion_filter import Prediction
 from slams.refine.lines import Match
+from slams.scan.end_points import ROBUST_SCALE_DEVIATIONS
 from slams.types import Floats, Pose2, wrap_angle
 
 MIN_LOOP_PATH_LENGTH = 15.0  # m after which a surface is old: longer than any room
@@ -114,8 +115,8 @@ class SurfaceMatcher:
         return min(1.0, self._params.independent / view.beams) / self._variance(view)
 
     def _last_scale(self, view: View) -> float:
-        """Robust scale of the last step [m]: at least three deviations of the noise."""
-        return max(self._params.width, 3.0 * view.noise)
+        """Robust scale of the last step [m]."""
+        return max(self._params.width, ROBUST_SCALE_DEVIATIONS * view.noise)
 
     def _settings(self, view: View, information: Floats) -> GaussNewton:
         """Settings for a prior's information (3, 3)."""

@@ -167,18 +167,17 @@ class Scan:
 
     @property
     def at_mid_sweep(self) -> Scan:
-        """The scan with odometry and yaw of the middle of its sweep, if they were measured there.
+        """The scan with stamp, odometry and yaw of the middle of its sweep, where it is matched.
 
-        That is where a deskewed scan is matched. At the stamp, half a sweep earlier, an
-        accelerating robot has another velocity.
+        Half a sweep earlier, at the stamp, an accelerating robot has another velocity. Readings
+        that were not measured at the middle are those of the stamp.
         """
-        odometry, yaw = self.odometry, self.yaw
-        if odometry is not None and self.mid_odometry is not None:
-            odometry = self.mid_odometry
-        if yaw is not None and self.mid_yaw is not None:
-            yaw = self.mid_yaw
-        is_same = odometry is self.odometry and yaw is self.yaw
-        return self if is_same else replace(self, odometry=odometry, yaw=yaw)
+        if not self.laser.time_increment:
+            return self
+        odometry = self.odometry and (self.mid_odometry or self.odometry)
+        yaw = self.yaw if self.yaw is None or self.mid_yaw is None else self.mid_yaw
+        t = self.t + 0.5 * self.laser.sweep_time
+        return replace(self, t=t, odometry=odometry, yaw=yaw)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slams.grid_bounds import Box
-from slams.scan.end_points import EndPoints
+from slams.scan.end_points import ROBUST_SCALE_DEVIATIONS, EndPoints
 from slams.types import Floats, Laser, Pose2, Scan
 from tsd.map_kernels import place_lines
 from tsd.params import TsdParams
@@ -13,7 +13,6 @@ from tsd.scan_kernels import Beams, SurfaceRule, find_runs, fit_surfaces
 
 MAX_ISOLATED_GAP_CELLS = 10.0  # gap between beams up to which an isolated hit is a surface
 LINE_SPACING_CELLS = 0.5  # between the lines of a push: every row of cells gets one of them
-ROBUST_SCALE_DEVIATIONS = 3.0  # of the range noise: distance at which an element has weight 1/2
 
 
 class SurfaceScan(EndPoints):

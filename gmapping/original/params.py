@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from gmapping.ros import ORIGINAL as ROS_NAMES
+from gmapping.ros import ORIGINAL_ROS_NAMES
 from slams.grid_bounds import max_cells
 from slams.params import Params, RosNames, param
 
@@ -16,7 +16,7 @@ ORIGINAL = "original code"
 class OriginalParams(Params):
     """gmapping's own parameters and values, as slam_gmapping sets them."""
 
-    ROS: ClassVar[RosNames | None] = ROS_NAMES
+    ROS: ClassVar[RosNames | None] = ORIGINAL_ROS_NAMES
 
     n_particles: int = param(
         30, "1", "number of particles", source=ORIGINAL, low=1, high=20_000, ros=("particles",)

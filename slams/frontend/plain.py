@@ -74,7 +74,8 @@ class PlainEstimator:
 
     def set_pose(self, scan: Scan, pose: Pose2) -> None:
         """Take a pose that is given with its scan."""
-        self._last_scan, self.pose, self._twist, self._step = scan, pose, IDENTITY, IDENTITY
+        self._last_scan, self.pose = scan.at_mid_sweep, pose
+        self._twist = self._step = IDENTITY
 
     def correct(self, pose: Pose2) -> None:
         """Take a pose in a map that has changed; the motion stays."""

@@ -19,13 +19,12 @@ from slams.refine.line_cell_kernels import (
 )
 from slams.refine.line_kernels import Fit, evaluate, fit
 from slams.refine.params import RefineParams
-from slams.scan.end_points import EndPoints, pose_distance
+from slams.scan.end_points import ROBUST_SCALE_DEVIATIONS, EndPoints, pose_distance
 from slams.types import Floats, Pose2
 
 MAX_BEAM_STRIDE, MIN_USED_BEAMS = 4, 180  # a fit begins with every fourth beam, at least so many
 STRIDE_STEP = 0.2  # of a cell: after a step below it all beams are used
 CLOSE_TOLERANCE_RATIO = 10.0  # times `converged` from a close start: one step is enough
-ROBUST_SCALE_DEVIATIONS = 3.0  # of the noise, at which the weight of a beam is halved
 MIN_FIRST_CONFIDENCE = 0.1  # in a line of one scan alone: it may be a person's leg
 CONFIDENCE_PER_INTERVAL = 0.5  # 1/s: the same for rare scans, before whose next one a leg is gone
 HIT_SPREAD_DEVIATIONS = 2.0  # of the noise between a hit and the cell of its wall

@@ -24,6 +24,7 @@ MIN_NOISE_SAMPLES = 10  # triples of beams that an estimate of the noise needs
 TRUNCATED_MEDIAN = 0.6724  # median absolute normal deviate within `OUTLIER_DEVIATIONS`
 CHORD_DISTANCE_STD = math.sqrt(1.5)  # of a beam minus the mean of two others, per beam's deviation
 MAX_COUNTED_INTERVAL, INTERVAL_MEAN_TIME = 1.0, 30.0  # s between two scans; s, of the mean of it
+ROBUST_SCALE_DEVIATIONS = 3.0  # of the noise, at which the weight of a beam is halved
 NOISE_MEAN_TIME = 1.0  # s: five scans of a slow laser; a robot moves by its length
 
 

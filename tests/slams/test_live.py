@@ -168,9 +168,8 @@ def test_heading_and_attitude_reach_the_algorithm():
 def test_readings_at_mid_sweep_reach_the_algorithm():
     live, seen = watched(lambda scan: (scan.mid_odometry, scan.mid_yaw))
     readings = [((1.0, 2.0, 0.3), 0.5), ((1e12, 0.0, 0.0), 1e9), (None, None)]
-    for t, (odometry, yaw) in enumerate(readings):
-        scan = scan_at((0.0, 0.0, 0.0))
-        push(live, scan, stamp=float(t), mid_odometry=odometry, mid_yaw=yaw)
+    for t, (pose, yaw) in enumerate(readings):
+        push(live, scan_at((0, 0, 0)), stamp=float(t), mid_odometry=pose, mid_yaw=yaw)
     assert seen == [(Pose2(1.0, 2.0, 0.3), 0.5), (None, None), (None, None)]
 
 

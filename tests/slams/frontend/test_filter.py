@@ -14,6 +14,7 @@ from slams.frontend.params import FrontendParams
 from slams.types import Laser, Pose2, Scan
 
 LASER = Laser(-1.0, 0.1, 21, 0.1, 30.0)
+ROTATING = Laser(-1.0, 0.1, 21, 0.1, 30.0, time_increment=0.01)
 RANGES = np.ones(21, np.float32)
 SHARP = np.diag((4e5, 4e5, 4e6))  # 1/m^2, 1/rad^2: a good match of all directions
 
@@ -188,11 +189,10 @@ def test_readings_at_mid_sweep_agree_with_the_matches_of_an_accelerating_robot(a
     heading, middle = np.sin(t), np.sin(t + 0.1)  # a sweep of 0.2 s is matched at its middle
     for k in range(60):
         mid = (Pose2(0.0, 0.0, middle[k]), middle[k]) if at_middle else (None, None)
-        odometry = Pose2(0.0, 0.0, heading[k])
-        motion.predict(Scan(t[k], RANGES, LASER, odometry, heading[k], None, *mid))
+        at_stamp = Pose2(0.0, 0.0, heading[k]), heading[k]
+        motion.predict(Scan(t[k], RANGES, ROTATING, *at_stamp, None, *mid))
         motion.update(Pose2(0.0, 0.0, middle[k]), SHARP, FULLY_OBSERVED)
-    assert (motion._learned[1, GYRO] < 1.5) == at_middle
-    assert motion.gyro == at_middle
+    assert motion.gyro == at_middle == (motion._learned[1, GYRO] < 1.5)
 
 
 @pytest.mark.parametrize(("seconds", "costs"), [(0.1, False), (1.0, True)])

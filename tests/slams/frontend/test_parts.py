@@ -21,7 +21,7 @@ from slams.refine.lines import Match
 from slams.scan.end_points import EndPoints, pose_distance
 from slams.scan.params import ScanParams
 from slams.types import IDENTITY, Pose2
-from tests.rooms import CORRIDOR, LIDAR, ROOM, scan_at
+from tests.rooms import CORRIDOR, LIDAR, ROOM, laser, scan_at
 
 
 def intervals(stamps, **how):
@@ -358,10 +358,12 @@ def test_after_a_contradiction_what_explains_half_has_to_stand_for_seconds(wheel
 
 @pytest.mark.parametrize(("motion_model", "informed"), [(False, False), (True, True)])
 def test_a_paper_has_wheels_as_a_prior_only_if_it_has_a_motion_model(motion_model, informed):
-    params = FrontendParams(estimator="plain")
-    estimator = estimator_for(params, motion_model)
+    estimator = estimator_for(FrontendParams(estimator="plain"), motion_model)
+    lidar, scans = laser(11, time_increment=0.001), []
     for k in range(2):
-        scan = scan_at(IDENTITY, t=0.1 * k, odometry=Pose2(0.1 * k, 0.0, 0.0))
-        prior = estimator.predict(replace(scan, mid_odometry=Pose2(0.12 * k, 0.0, 0.0)))
+        scan = scan_at(IDENTITY, lidar, t=0.1 * k, odometry=Pose2(0.1 * k, 0.0, 0.0))
+        scans.append(replace(scan, mid_odometry=Pose2(0.02 + 0.12 * k, 0.0, 0.0)))
+    estimator.set_pose(scans[0], IDENTITY)
+    prior = estimator.predict(scans[1])
     assert prior.pose == pytest.approx(Pose2(0.12, 0.0, 0.0)), "that at the middle of the sweep"
     assert prior.information.any() == informed
