@@ -42,7 +42,8 @@ class PoseEstimator:
     """The pose of the robot from scan to scan.
 
     Per scan: `predict`, then `decide`. `state` is "matched", "predicted" or "lost", `quality` the
-    share of beams that are inliers, less those in conflict; `counts` counts scans.
+    share of beams that are inliers, less those in conflict; `counts` counts scans, and has
+    the delay of their stamps against wheels and gyro [ms].
     """
 
     def __init__(self, params: FrontendParams) -> None:
@@ -51,7 +52,7 @@ class PoseEstimator:
         self.may_map = False  # whether the last scan may enter the map
         self.match: Match | None = None  # the accepted match of the last scan
         names = "empty matched predicted lost searched relocalized in_conflict odometry gyro"
-        self.counts = dict.fromkeys(names.split(), 0)
+        self.counts = dict.fromkeys([*names.split(), "stamps_late_ms"], 0)
         self._p = params
         self._filter = MotionFilter(params)
         self._pose = self._filter.pose
@@ -105,6 +106,7 @@ class PoseEstimator:
         self._pose = self._prior.pose
         self.counts["odometry"] += self._filter.wheels
         self.counts["gyro"] += self._filter.gyro
+        self.counts["stamps_late_ms"] = round(1e3 * self._filter.delay)
         return self._prior
 
     def twist_at(self, pose: Pose2) -> Pose2:

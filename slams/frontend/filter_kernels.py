@@ -1,10 +1,11 @@
 """Kernels of the motion filter: prediction by a motion model, wheels and gyro.
 
-State z (13,): pose x, y [m], theta [rad] in the map; step since the last scan as a midpoint
+State z (14,): pose x, y [m], theta [rad] in the map; step since the last scan as a midpoint
 increment (longitudinal, lateral [m], rotation [rad], in the frame at half of the rotation, so that
 an error of the rotation does not move the end point); body twist [m/s, rad/s]; scale errors of the
 wheels' distance and rotation [1]; gyro bias [rad/s]; heading drift of the wheels [rad/m], from
-unequal diameters. P (13, 13) is its covariance.
+unequal diameters; delay of the scans' stamps against wheels and gyro [s]. P (14, 14) is its
+covariance.
 
 [Thrun05] S. Thrun, W. Burgard, D. Fox: Probabilistic Robotics, 2005.
 [Roth13] M. Roth, E. Ozkan, F. Gustafsson: A Student's t filter for heavy tailed process and
@@ -21,12 +22,13 @@ from slams.geometry import STUDENT_DOF, wrap_angle
 from slams.jit import njit
 from slams.types import Floats
 
-N = 13
-POSE, STEP, TWIST, SCALE, BIAS, DRIFT = 0, 3, 6, 9, 11, 12
+N = 14
+POSE, STEP, TWIST, SCALE, BIAS, DRIFT, DELAY = 0, 3, 6, 9, 11, 12, 13
 # rows of the readings of a step: distance, lateral and rotation by wheels; rotation by the gyro
 GYRO = 3
-# their columns: status, value, variance, variance as used; residual and variance at the last match
-VALID, VALUE, VARIANCE, USED_VARIANCE, LAST_RESIDUAL, LAST_VARIANCE = 0, 1, 2, 3, 4, 5
+# their columns: status, value, variance, change of the rate since the last step, variance as used;
+# residual and variance at the last match
+VALID, VALUE, VARIANCE, RATE_CHANGE, USED_VARIANCE, LAST_RESIDUAL, LAST_VARIANCE = range(7)
 NIS_GATE = 9.0  # squared normalized innovation, three deviations: beyond it one side is wrong
 FAULTY_FACTOR = 100.0  # of a reading's variance, ten deviations: the reading is not used
 MAX_POSE_VARIANCE = 1e4  # m^2: the pose may be anywhere
@@ -46,7 +48,7 @@ def scale_rows(P: Floats, first: int, last: int, factor: float) -> None:
 
 @njit(inner=True)
 def is_positive_definite(P: Floats) -> bool:
-    """Whether the Cholesky factorization of P (13, 13) succeeds, with a tolerance. ours."""
+    """Whether the Cholesky factorization of P (14, 14) succeeds, with a tolerance. ours."""
     L = np.zeros((N, N))
     for i in range(N):
         for k in range(i + 1):
@@ -118,9 +120,9 @@ def propagate(z: Floats, P: Floats, dt: float, density: Floats, tau: Floats) -> 
 
 @njit(inner=True, borrows=True)
 def fuse(z: Floats, P: Floats, H: Floats, residual: float, variance: float, buffer: Floats) -> None:
-    """Kalman update with a scalar measurement, given its residual and row H (13,).
+    """Kalman update with a scalar measurement, given its residual and row H (14,).
 
-    ours: Joseph's form P <- (1 - K H) P (1 - K H)^T + K R K^T with one row. buffer (2, 13).
+    ours: Joseph's form P <- (1 - K H) P (1 - K H)^T + K R K^T with one row. buffer (2, 14).
     """
     total = variance + times(P, H, buffer)
     for i in range(N):
@@ -146,10 +148,11 @@ def times(P: Floats, H: Floats, buffer: Floats) -> float:
 
 @njit(inner=True, borrows=True)
 def linearize(z: Floats, dt: float, i: int, readings: Floats, H: Floats) -> float:
-    """Row H (13,) of the i-th reading, and its residual, which is returned.
+    """Row H (14,) of the i-th reading, and its residual, which is returned.
 
     ours: wheels measure (1 + scale) times the step, plus heading drift; the gyro the rotation plus
-    bias. The derivative by a scale is the reading, so that stalled wheels do not change the scale.
+    bias. Both are ahead of a scan that is stamped late, by the delay times the change of the rate.
+    The derivative by a scale is the reading, so that stalled wheels do not change the scale.
     """
     H[:] = 0.0
     if i == GYRO:
@@ -165,6 +168,8 @@ def linearize(z: Floats, dt: float, i: int, readings: Floats, H: Floats) -> floa
         if i == 2:
             H[DRIFT] = readings[0, VALUE]
             expected += z[DRIFT] * readings[0, VALUE]
+    H[DELAY] = readings[i, RATE_CHANGE]
+    expected += z[DELAY] * readings[i, RATE_CHANGE]
     residual: float = readings[i, VALUE] - expected
     return residual
 
@@ -215,7 +220,7 @@ def predict(
     """Predict over one interval dt [s]: propagate, fuse the readings, compose, in place.
 
     learned (2, 4): acceleration densities (3) and variance factors of the readings (4); tau (3,)
-    [s], correlation times of the twist; readings (4, 6), see the columns. The noise of wheels is
+    [s], correlation times of the twist; readings (4, 7), see the columns. The noise of wheels is
     [Thrun05] 5.4. ours: a reading with a large factor is a fault, not noise, and is not used:
     stalled wheels would stop the estimate of a robot that drives in a bare corridor.
     """

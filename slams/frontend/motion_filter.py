@@ -10,9 +10,9 @@ import numpy as np
 from slams.frontend import filter_kernels as kernels
 from slams.frontend import update_kernels
 from slams.frontend.degeneracy import Observability
-from slams.frontend.filter_kernels import GYRO, SCALE, TWIST
+from slams.frontend.filter_kernels import GYRO, RATE_CHANGE, SCALE, TWIST, VALUE, VARIANCE
 from slams.frontend.params import FrontendParams
-from slams.frontend.timing import LaserTimings
+from slams.frontend.timing import MIN_LASER_OFFSET, LaserTimings
 from slams.frontend.wheels import WheelStep, WheelSteps
 from slams.geometry import inverse3
 from slams.types import Floats, Pose2, Scan, wrap_angle
@@ -22,8 +22,9 @@ ACCELERATION_DENSITY = np.array((0.5, 0.01, 2.0))  # m^2/s^3, m^2/s^3, rad^2/s^3
 HANDHELD_LATERAL_DENSITY = 0.5  # m^2/s^3, of a laser without wheels, which may be carried
 TWIST_CORRELATION_TIME = np.array((100.0, 0.5, 10.0))  # s, of the Ornstein-Uhlenbeck process
 TWIST_STD = np.array((0.7, 0.5, 1.0))  # m/s, m/s, rad/s, of an unknown robot
-# 1, 1, rad/s, rad/m: scales of the wheels, gyro bias, heading drift of the wheels
-CALIBRATION_STD = np.array((0.02, 0.05, 0.01, 0.01))
+# 1, 1, rad/s, rad/m, s: scales of the wheels, gyro bias, heading drift of the wheels, delay
+CALIBRATION_STD = np.array((0.02, 0.05, 0.01, 0.01, 0.03))
+STAMP_STD = 0.01  # s, of one reading against its scan, in addition to the delay
 ZERO_VELOCITY_STD = 0.001  # m, rad, of a reading of the wheels at rest
 GYRO_SCALE_STD = 0.003  # 1
 MIN_MATCH_STD = np.array((0.0002, 0.0002, 0.0001))  # m, m, rad, however many beams a match has
@@ -73,8 +74,9 @@ class MotionFilter:
         self._default_density = ACCELERATION_DENSITY.copy()
         self._learned = np.ones((2, 4))  # acceleration densities; variance factors of the readings
         self._learned[0, :3] = ACCELERATION_DENSITY
-        self._readings = np.zeros((4, 6))  # see the columns in `filter_kernels`
+        self._readings = np.zeros((4, 7))  # see the columns in `filter_kernels`
         self._wheel_steps = WheelSteps()
+        self._gyro_rate = math.nan  # rad/s, in the last step
         self._timing = LaserTimings(params.smooth_stamps)
         self._last_scan: Scan | None = None
         self._last_pose = np.zeros(3)
@@ -97,6 +99,11 @@ class MotionFilter:
     def gyro(self) -> bool:
         """Whether the gyro measured the last step and is not faulty."""
         return bool(self._readings[GYRO, 0] and self._learned[1, GYRO] < kernels.FAULTY_FACTOR)
+
+    @property
+    def delay(self) -> float:
+        """Learned delay of the scans' stamps against wheels and gyro [s]."""
+        return float(self._z[kernels.DELAY])
 
     def predict(self, scan: Scan) -> Prediction:
         """Predict the state at a scan, by the motion so far and the readings of wheels and gyro."""
@@ -182,26 +189,28 @@ class MotionFilter:
     def _read_wheels(self, wheels: WheelStep, dt: float) -> None:
         """Readings of an increment; one over several scans gives the mean speed of the last."""
         p, readings, (x, y, rotation) = self._p, self._readings, wheels.increment
+        change, delay = wheels.rate_change, self.delay
         c, s = math.cos(0.5 * rotation), math.sin(0.5 * rotation)
         longitudinal, lateral = c * x + s * y, c * y - s * x
-        # motion away and back within a long interval is not in the increment
+        # the noise is that of the scan's step; motion away and back in a long interval is hidden
         hidden = max(dt - MIN_REVERSAL_TIME, 0.0)
-        distance = abs(longitudinal) + 0.5 * float(TWIST_STD[0]) * hidden
-        turned = abs(rotation) + 0.5 * float(TWIST_STD[2]) * hidden
+        distance = abs(longitudinal - delay * change.x) + 0.5 * float(TWIST_STD[0]) * hidden
+        turned = abs(rotation - delay * change.theta) + 0.5 * float(TWIST_STD[2]) * hidden
         sideways, rest = p.slip_sideways**2, ZERO_VELOCITY_STD**2
         readings[0, :3] = 1.0, longitudinal, p.slip**2 * distance + sideways * turned + rest
         readings[1, :3] = 1.0, lateral, sideways * (distance + turned) + rest
         readings[2, :3] = 1.0, rotation, sideways * distance + p.slip_rotation**2 * turned + rest
+        readings[:3, RATE_CHANGE] = change.x, 0.0, change.theta
         if wheels.seconds > dt > 0.0:
             share = dt / wheels.seconds
-            readings[:3, 1] *= share
-            readings[:3, 2] *= share * share
-            readings[:3, 2] += ACCELERATION_DENSITY * (wheels.seconds - dt) * dt * dt / 3.0
+            readings[:3, [VALUE, RATE_CHANGE]] *= share
+            readings[:3, VARIANCE] *= share * share
+            readings[:3, VARIANCE] += ACCELERATION_DENSITY * (wheels.seconds - dt) * dt * dt / 3.0
 
     def _read(self, last: Scan, scan: Scan, wheels: WheelStep | None) -> None:
         """Readings of the step with their variances, by distance and rotation [Thrun05] 5.4."""
         p, readings, dt = self._p, self._readings, self._dt
-        readings[:, 0] = 0.0
+        readings[:, :4] = 0.0
         measured = last.odometry is not None and scan.odometry is not None
         self.wheels = p.wheels and measured and bool(self._learned[1, 0] < kernels.FAULTY_FACTOR)
         if p.wheels and wheels is not None:
@@ -209,4 +218,7 @@ class MotionFilter:
         if p.gyro and last.yaw is not None and scan.yaw is not None:
             rotation = wrap_angle(scan.yaw - last.yaw)
             variance = p.gyro_noise**2 * dt + (GYRO_SCALE_STD * rotation) ** 2 + 1e-10
-            readings[GYRO, :3] = 1.0, rotation, variance
+            last_rate, self._gyro_rate = self._gyro_rate, rotation / max(dt, MIN_LASER_OFFSET)
+            change = 0.0 if math.isnan(last_rate) else self._gyro_rate - last_rate
+            readings[GYRO, :4] = 1.0, rotation, variance, change
+        readings[:, VARIANCE] += (STAMP_STD * readings[:, RATE_CHANGE]) ** 2

@@ -16,12 +16,14 @@ import numpy as np
 
 from slams.frontend.filter_kernels import (
     BIAS,
+    DELAY,
     DRIFT,
     GYRO,
     LAST_RESIDUAL,
     LAST_VARIANCE,
     MAX_NIS,
     POSE,
+    RATE_CHANGE,
     SCALE,
     STEP,
     TWIST,
@@ -214,6 +216,7 @@ def learn_factors(
             scale = z[SCALE + (1 if i == 2 else 0)]
             expected, error = (1.0 + scale) * step[i], floor[i]
             expected += z[DRIFT] * step[0] if i == 2 else 0.0
+        expected += z[DELAY] * readings[i, RATE_CHANGE]
         residual, variance = readings[i, VALUE] - expected, readings[i, VARIANCE] + 2.0 * error
         last, last_variance = readings[i, LAST_RESIDUAL], readings[i, LAST_VARIANCE]
         readings[i, LAST_RESIDUAL], readings[i, LAST_VARIANCE] = residual, variance

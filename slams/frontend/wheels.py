@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from slams.frontend.timing import MIN_LASER_OFFSET
 from slams.types import IDENTITY, Pose2
 
 N_AVERAGED_WHEEL_INTERVALS = 10.0  # changes of the odometry in the mean interval
@@ -14,10 +15,14 @@ MAX_WHEEL_SPEED, MAX_WHEEL_TURN_RATE = 5.0, 6.3  # m/s, rad/s, of robots of this
 
 
 class WheelStep(NamedTuple):
-    """An increment of the odometry [m, m, rad], and its time [s]."""
+    """An increment of the odometry [m, m, rad], its time [s], and the change of its rate.
+
+    The change is from the last increment to this one [m/s, m/s, rad/s].
+    """
 
     increment: Pose2
     seconds: float
+    rate_change: Pose2
 
 
 def is_reset(step: Pose2, seconds: float) -> bool:
@@ -36,6 +41,7 @@ class WheelSteps:
 
     def __init__(self) -> None:
         self._last: Pose2 | None = None
+        self._rate: tuple[float, ...] | None = None  # of the last increment
         self._since = self._unchanged = 0.0  # s since the last increment, since the last change
         self._changes = self._interval = 0.0  # number of changes, mean interval between them [s]
 
@@ -54,7 +60,12 @@ class WheelSteps:
         elif self._unchanged < MIN_CHANGE_RATIO * self._interval:
             return None
         self._since = 0.0
-        return None if is_reset(step, since) else WheelStep(step, since)
+        if is_reset(step, since):
+            return None
+        rate = tuple(value / max(since, MIN_LASER_OFFSET) for value in step)
+        last_rate, self._rate = self._rate or rate, rate
+        change = (after - before for before, after in zip(last_rate, rate, strict=True))
+        return WheelStep(step, since, Pose2(*change))
 
     def _average(self, interval: float) -> None:
         if interval < MAX_WHEEL_INTERVAL:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
     from slams.types import Ranges, Slam
 
-STATE_VERSION = {"format": "slams-state-4", "slams": __version__}
+STATE_VERSION = {"format": "slams-state-5", "slams": __version__}
 HEADER_KEY = "head"
 COMPRESSION_LEVEL = 4  # level 1 makes constant arrays three times as large, 9 takes long
 MAX_STATE_SIZE = 1 << 33  # bytes of all arrays, unpacked; no map that fits into memory is larger

@@ -78,7 +78,7 @@ def test_peak_memory_counts_what_is_allocated_inside_and_nothing_before():
     with timing.PeakMemory() as memory:
         inside = np.ones(10_000_000)
         del inside
-    if memory.mb is None:
+    if not timing.STATUS_FILE.exists():
         pytest.skip("this system does not tell a process' peak memory")
     assert 70.0 < memory.mb < 110.0
 

@@ -144,7 +144,7 @@ def set_large(index, value):
 
 SLAM = "tree", "slam", 2
 CHANGES = {
-    "another format": (put("x", "format"), "saved with format x, expected slams-state-4"),
+    "another format": (put("x", "format"), "saved with format x, expected slams-state-5"),
     "another release": (put("9.1", "slams"), "saved with slams 9.1, expected"),
     "unknown algorithm": (put("hectr", "algorithm"), "unknown algorithm"),
     "somebody's module": (put("os:Path", "algorithm"), "pass algorithm="),
