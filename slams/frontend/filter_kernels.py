@@ -147,31 +147,42 @@ def times(P: Floats, H: Floats, buffer: Floats) -> float:
 
 
 @njit(inner=True, borrows=True)
-def linearize(z: Floats, dt: float, i: int, readings: Floats, H: Floats) -> float:
-    """Row H (14,) of the i-th reading, and its residual, which is returned.
+def expected_value(
+    z: Floats, i: int, motion: float, distance: float, dt: float, rate_change: float
+) -> float:
+    """The value of the i-th reading of a step with this motion along its axis and this distance.
 
     ours: wheels measure (1 + scale) times the step, plus heading drift; the gyro the rotation plus
     bias. Both are ahead of a scan that is stamped late, by the delay times the change of the rate.
-    The derivative by a scale is the reading, so that stalled wheels do not change the scale.
+    """
+    expected: float = motion
+    if i == GYRO:
+        expected += dt * z[BIAS]
+    elif i != 1:
+        expected *= 1.0 + z[SCALE + i // 2]
+        expected += z[DRIFT] * distance if i == 2 else 0.0
+    expected += z[DELAY] * rate_change
+    return expected
+
+
+@njit(inner=True, borrows=True)
+def linearize(z: Floats, dt: float, i: int, readings: Floats, H: Floats) -> float:
+    """Row H (14,) of the i-th reading, and its residual, which is returned.
+
+    ours: derivatives of `expected_value`. The derivative by a scale is the reading, so that stalled
+    wheels do not change the scale.
     """
     H[:] = 0.0
+    axis, change = 2 if i == GYRO else i, readings[i, RATE_CHANGE]
+    H[STEP + axis], H[DELAY] = 1.0, change
     if i == GYRO:
-        H[STEP + 2], H[BIAS] = 1.0, dt
-        expected = z[STEP + 2] + dt * z[BIAS]
-    elif i == 1:
-        H[STEP + 1] = 1.0
-        expected = z[STEP + 1]
-    else:
-        scale = SCALE + (1 if i == 2 else 0)
+        H[BIAS] = dt
+    elif i != 1:
+        scale = SCALE + i // 2
         H[STEP + i], H[scale] = 1.0 + z[scale], readings[i, VALUE]
-        expected = (1.0 + z[scale]) * z[STEP + i]
-        if i == 2:
-            H[DRIFT] = readings[0, VALUE]
-            expected += z[DRIFT] * readings[0, VALUE]
-    H[DELAY] = readings[i, RATE_CHANGE]
-    expected += z[DELAY] * readings[i, RATE_CHANGE]
-    residual: float = readings[i, VALUE] - expected
-    return residual
+        H[DRIFT] = readings[0, VALUE] if i == 2 else 0.0
+    value: float = readings[i, VALUE]
+    return value - expected_value(z, i, z[STEP + axis], readings[0, VALUE], dt, change)
 
 
 @njit(inner=True, borrows=True)

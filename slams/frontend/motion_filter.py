@@ -221,4 +221,6 @@ class MotionFilter:
             last_rate, self._gyro_rate = self._gyro_rate, rotation / max(dt, MIN_LASER_OFFSET)
             change = 0.0 if math.isnan(last_rate) else self._gyro_rate - last_rate
             readings[GYRO, :4] = 1.0, rotation, variance, change
+        else:
+            self._gyro_rate = math.nan
         readings[:, VARIANCE] += (STAMP_STD * readings[:, RATE_CHANGE]) ** 2

@@ -15,9 +15,6 @@ import math
 import numpy as np
 
 from slams.frontend.filter_kernels import (
-    BIAS,
-    DELAY,
-    DRIFT,
     GYRO,
     LAST_RESIDUAL,
     LAST_VARIANCE,
@@ -31,6 +28,7 @@ from slams.frontend.filter_kernels import (
     VALUE,
     VARIANCE,
     N,
+    expected_value,
     scale_rows,
     symmetrize,
 )
@@ -208,16 +206,10 @@ def learn_factors(
     for i in range(4):
         if readings[i, VALID] == 0.0:
             continue
-        if i == GYRO:
-            expected, error = step[2] + dt * z[BIAS], floor[2]
-        elif i == 1:
-            expected, error = step[1], floor[1]
-        else:
-            scale = z[SCALE + (1 if i == 2 else 0)]
-            expected, error = (1.0 + scale) * step[i], floor[i]
-            expected += z[DRIFT] * step[0] if i == 2 else 0.0
-        expected += z[DELAY] * readings[i, RATE_CHANGE]
-        residual, variance = readings[i, VALUE] - expected, readings[i, VARIANCE] + 2.0 * error
+        axis = 2 if i == GYRO else i
+        change = readings[i, RATE_CHANGE]
+        residual = readings[i, VALUE] - expected_value(z, i, step[axis], step[0], dt, change)
+        variance = readings[i, VARIANCE] + 2.0 * floor[axis]
         last, last_variance = readings[i, LAST_RESIDUAL], readings[i, LAST_VARIANCE]
         readings[i, LAST_RESIDUAL], readings[i, LAST_VARIANCE] = residual, variance
         ratio = residual * residual / variance

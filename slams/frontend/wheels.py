@@ -50,6 +50,7 @@ class WheelSteps:
         last, self._last = self._last, odometry
         if last is None or odometry is None:
             self._since = self._unchanged = 0.0
+            self._rate = None
             return None
         self._since += dt
         self._unchanged += dt

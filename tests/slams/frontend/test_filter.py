@@ -127,8 +127,7 @@ def drive(motion, scans):
 
 
 def test_a_constant_twist_is_learned():
-    motion = MotionFilter(FrontendParams())
-    pose, step = Pose2(0.0, 0.0, 0.0), Pose2(0.05, 0.0, 0.02)
+    motion, pose, step = MotionFilter(FrontendParams()), IDENTITY, Pose2(0.05, 0.0, 0.02)
     for k in range(40):
         prior = motion.predict(scan(0.1 * k))
         motion.update(pose, SHARP, FULLY_OBSERVED)
@@ -138,8 +137,7 @@ def test_a_constant_twist_is_learned():
 
 
 def test_a_jerk_fades_within_half_a_second():
-    motion = MotionFilter(FrontendParams())
-    still = Pose2(0.0, 0.0, 0.0)
+    motion, still = MotionFilter(FrontendParams()), IDENTITY
     drive(motion, ((scan(0.1 * k), still) for k in range(20)))
     drive(motion, [(scan(2.0), Pose2(0.0, 0.0, 0.2))])
     drive(motion, ((scan(2.1 + 0.1 * k), still) for k in range(5)))
@@ -158,7 +156,8 @@ def test_wheels_that_stall_lose_their_weight():
             wheels = wheels @ (slip if k > 10 else step)
         off = abs(prior.pose.x - before.x)
         assert off < (1e-3 if motion is trusted else 0.05)
-    assert stalled.covariance[0, 0] > 0.0 < stalled._learned[1, 0] - 10.0 * trusted._learned[1, 0]
+    assert stalled.covariance[0, 0] > 0.0
+    assert stalled._learned[1, 0] > 10.0 * trusted._learned[1, 0]
 
 
 def test_wheels_at_a_standstill_do_not_brake_a_robot_in_a_bare_corridor():
@@ -181,17 +180,18 @@ def test_a_gyro_that_is_stuck_is_faulty():
     assert used[1] and not used[-1]
 
 
+@pytest.mark.parametrize(("axis", "slip"), [(0, 0.02), (2, 0.04)])
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.2, -0.1])
-def test_a_delay_of_the_stamps_is_learned_while_a_robot_accelerates(delay):
-    motion = MotionFilter(FrontendParams())
+def test_a_delay_of_the_stamps_is_learned_while_a_robot_accelerates(delay, axis, slip):
+    motion, direction = MotionFilter(FrontendParams()), np.eye(3)[axis]
     for k in range(60):
         t = 0.2 * k  # at mid-sweep, where a scan is matched and readings have to be read
-        mid = Pose2(0.0, 0.0, math.sin(t + delay)), math.sin(t + delay)
-        motion.predict(Scan(t, RANGES, ROTATING, IDENTITY, 0.0, None, *mid))
-        motion.update(Pose2(0.0, 0.0, math.sin(t)), SHARP, FULLY_OBSERVED)
+        late, pose = (Pose2(*(math.sin(x) * direction)) for x in (t + delay, t))
+        motion.predict(Scan(t, RANGES, ROTATING, IDENTITY, 0.0, None, late, late.theta))
+        motion.update(pose, SHARP, FULLY_OBSERVED)
     assert motion.delay == pytest.approx(delay, abs=0.02)
-    expected = 0.04**2 * abs(math.sin(t) - math.sin(t - 0.2))  # noise of the scan's rotation
-    assert motion._readings[2, kernels.VARIANCE] == pytest.approx(expected, rel=0.06)
+    expected = slip**2 * abs(math.sin(t) - math.sin(t - 0.2))  # noise of the scan's motion
+    assert motion._readings[axis, kernels.VARIANCE] == pytest.approx(expected, rel=0.1)
     assert motion.gyro and motion.wheels and (motion._learned[1, GYRO] < 1.5 or delay)
 
 
@@ -218,8 +218,7 @@ def test_a_map_that_drifts_with_its_matches_constrains_the_gyro_bias_little():
 
 
 def test_what_a_scan_does_not_observe_stays_at_the_prediction():
-    motion = MotionFilter(FrontendParams())
-    still = Pose2(0.0, 0.0, 0.0)
+    motion, still = MotionFilter(FrontendParams()), IDENTITY
     drive(motion, ((scan(0.1 * k), still) for k in range(5)))
     prior = motion.predict(scan(0.5))
     motion.update(

@@ -55,7 +55,8 @@ def test_what_no_robot_can_do_is_a_reset_of_the_odometry(jump):
 
 
 def test_an_odometry_that_was_not_there_is_begun_anew():
-    assert steps([IDENTITY, None, Pose2(1.0, 0.0, 0.0), Pose2(1.05, 0.0, 0.0)])[2] is None
+    found = steps([Pose2(x, 0.0, 0.0) if x else None for x in (0.1, 0.3, None, 1.0, 1.05, 1.2)])
+    assert found[3] is None and found[4].rate_change == IDENTITY != found[5].rate_change
 
 
 def test_the_drift_of_the_heading_is_learned_from_matches():
