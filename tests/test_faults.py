@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from bench.sim.degrade import degrade
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
 from slams import metrics
@@ -67,6 +68,20 @@ FAULTS = {
 def test_odometry_that_jumps_does_no_harm(algorithm, fault):
     logs = [jumped(seed, *FAULTS[fault]) for seed in SEEDS]
     assert error(algorithm, logs) < ALLOWED * alone(algorithm) + MORE
+
+
+@cache
+def stalled_in_a_corridor():
+    """Wheels that stall for 3 s in a ring of corridors, where few beams see the motion."""
+    log = degrade(simulate(Setting(arena="ring", duration=12.0, seed=130)), "stall", 3.0, 0)
+    return log.select(every=round(0.1 / log.scan_period))
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_wheels_that_stall_do_no_harm_where_few_beams_see_the_motion(algorithm):
+    log = stalled_in_a_corridor()
+    run = replay(made(algorithm), log)
+    assert metrics.ate(run.poses, log.truth_at(run.t)) < 0.01
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)

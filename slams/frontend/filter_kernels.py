@@ -8,8 +8,6 @@ unequal diameters; delay of the scans' stamps against wheels and gyro [s]. P (14
 covariance.
 
 [Thrun05] S. Thrun, W. Burgard, D. Fox: Probabilistic Robotics, 2005.
-[Roth13] M. Roth, E. Ozkan, F. Gustafsson: A Student's t filter for heavy tailed process and
-measurement noise. ICASSP 2013.
 """
 
 from __future__ import annotations
@@ -18,7 +16,7 @@ import math
 
 import numpy as np
 
-from slams.geometry import STUDENT_DOF, wrap_angle
+from slams.geometry import wrap_angle
 from slams.jit import njit
 from slams.types import Floats
 
@@ -187,19 +185,22 @@ def linearize(z: Floats, dt: float, i: int, readings: Floats, H: Floats) -> floa
 
 @njit(inner=True, borrows=True)
 def inflate(P: Floats, i: int, square: float, readings: Floats, buffer: Floats) -> None:
-    """Inflate two covariances where a reading and the prediction contradict [Roth13].
+    """Inflate two variances by 1 + NIS where a reading and the prediction contradict.
 
-    ours: either may be wrong, so that above the gate the NIS inflates both: the reading, and step
-    and twist along its axis only, as a jump in distance does not concern the rotation. `square` of
-    the residual; buffer[2]: the reading's row H.
+    ours: either may be wrong. The fused mean stays, and its variance becomes that of a mixture of
+    both. Along the reading's axis the step's error grows, and the twist's with it by regression:
+    a match then decides about both. `square` of the residual; buffer[2]: the reading's row H.
     """
     nis = square / (times(P, buffer[2], buffer) + readings[i, USED_VARIANCE])
     if nis > NIS_GATE:
-        factor = (STUDENT_DOF + min(nis, MAX_NIS)) / (STUDENT_DOF + 1.0)
-        axis = 2 if i == GYRO else i
-        scale_rows(P, STEP + axis, STEP + axis + 1, math.sqrt(factor))
-        scale_rows(P, TWIST + axis, TWIST + axis + 1, math.sqrt(factor))
-        readings[i, USED_VARIANCE] *= factor
+        nis, step = min(nis, MAX_NIS), STEP + (2 if i == GYRO else i)
+        twist = step + TWIST - STEP
+        slope = P[twist, step] / (P[step, step] + 1e-12)
+        added = nis * P[step, step]
+        P[step, step] += added
+        P[twist, twist] += slope * slope * added
+        P[step, twist] = P[twist, step] = P[twist, step] + slope * added
+        readings[i, USED_VARIANCE] *= 1.0 + nis
 
 
 @njit(inner=True, borrows=True)

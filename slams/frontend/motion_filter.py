@@ -192,10 +192,13 @@ class MotionFilter:
         change, delay = wheels.rate_change, self.delay
         c, s = math.cos(0.5 * rotation), math.sin(0.5 * rotation)
         longitudinal, lateral = c * x + s * y, c * y - s * x
-        # the noise is that of the scan's step; motion away and back in a long interval is hidden
-        hidden = max(dt - MIN_REVERSAL_TIME, 0.0)
-        distance = abs(longitudinal - delay * change.x) + 0.5 * float(TWIST_STD[0]) * hidden
-        turned = abs(rotation - delay * change.theta) + 0.5 * float(TWIST_STD[2]) * hidden
+        # the noise is that of the scan's step, or of the predicted step where wheels stall;
+        # motion away and back in a long interval is hidden
+        speed, _, rate = self._z[TWIST:SCALE].tolist()
+        hidden = 0.5 * max(dt - MIN_REVERSAL_TIME, 0.0)
+        distance = max(abs(longitudinal - delay * change.x), dt * abs(speed))
+        turned = max(abs(rotation - delay * change.theta), dt * abs(rate))
+        distance, turned = distance + hidden * TWIST_STD[0], turned + hidden * TWIST_STD[2]
         sideways, rest = p.slip_sideways**2, ZERO_VELOCITY_STD**2
         readings[0, :3] = 1.0, longitudinal, p.slip**2 * distance + sideways * turned + rest
         readings[1, :3] = 1.0, lateral, sideways * (distance + turned) + rest

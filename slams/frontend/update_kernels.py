@@ -1,8 +1,10 @@
 """Kernels of the motion filter: condition the state on a match, and learn the noise from it.
 
-State, covariance and [Roth13] as in `filter_kernels`.
+State and covariance as in `filter_kernels`.
 
 [Mohamed99] A. Mohamed, K. Schwarz: Adaptive Kalman filtering for INS/GPS. J. Geodesy 73, 1999.
+[Roth13] M. Roth, E. Ozkan, F. Gustafsson: A Student's t filter for heavy tailed process and
+measurement noise. ICASSP 2013.
 [SageHusa69] A. Sage, G. Husa: Adaptive filtering with unknown prior statistics. JACC 1969.
 [Zhang16] J. Zhang, M. Kaess, S. Singh: On Degeneracy of Optimization-based State Estimation
 Problems. ICRA 2016.

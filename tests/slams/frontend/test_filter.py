@@ -47,18 +47,24 @@ def test_one_reading_is_fused_as_the_textbook_does():
     np.testing.assert_allclose(P, expected_P, atol=1e-12)
 
 
-def test_a_reading_far_off_widens_both_sides_along_its_axis():
-    near, far = (np.diag(np.full(kernels.N, 1e-4)) for _ in range(2))
-    buffer = np.zeros((3, kernels.N))
-    buffer[2, kernels.STEP] = 1.0
-    for P, distance in ((near, 0.02), (far, 3.0)):
-        readings = np.zeros((4, 7))
-        readings[0, kernels.USED_VARIANCE] = 1e-4
-        kernels.inflate(P, 0, distance**2, readings, buffer)
-        assert (readings[0, kernels.USED_VARIANCE] > 0.1) == (P is far)
-    np.testing.assert_array_equal(near, np.diag(np.full(kernels.N, 1e-4)))
-    assert far[kernels.STEP, kernels.STEP] > 0.1
-    assert far[kernels.STEP + 2, kernels.STEP + 2] == 1e-4
+def test_a_reading_far_off_leaves_the_mixture_of_both_along_its_axis():
+    _, start = state(np.random.default_rng(2))
+    step, twist, variance = kernels.STEP, kernels.TWIST, 0.01
+    buffer, readings = np.zeros((3, kernels.N)), np.zeros((4, 7))
+    buffer[2, step] = 1.0
+    for residual in (0.02, 3.0):
+        P, z = start.copy(), np.zeros(kernels.N)
+        readings[0, kernels.USED_VARIANCE] = variance
+        kernels.inflate(P, 0, residual**2, readings, buffer)
+        assert P[step + 2, step + 2] == start[step + 2, step + 2]
+        rest = [Q[twist, twist] - Q[twist, step] ** 2 / Q[step, step] for Q in (start, P)]
+        assert rest[1] == pytest.approx(rest[0]), "a match of the step decides about the twist"
+        kernels.fuse(z, P, buffer[2], residual, readings[0, kernels.USED_VARIANCE], buffer)
+        gain = start[step, step] / (start[step, step] + variance)
+        apart = residual if residual > 1.0 else 0.0
+        assert z[step] == pytest.approx(gain * residual)
+        mixture = (1.0 - gain) * (start[step, step] + gain * apart**2)
+        assert P[step, step] == pytest.approx(mixture)
 
 
 @pytest.mark.parametrize("theta", [0.0, 2.0, -3.1])
@@ -158,6 +164,18 @@ def test_wheels_that_stall_lose_their_weight():
         assert off < (1e-3 if motion is trusted else 0.05)
     assert stalled.covariance[0, 0] > 0.0
     assert stalled._learned[1, 0] > 10.0 * trusted._learned[1, 0]
+
+
+def test_wheels_that_stop_at_once_have_the_noise_of_the_predicted_step():
+    motion, pose, variances = MotionFilter(FrontendParams()), IDENTITY, []
+    for k in range(40):
+        pose = pose @ Pose2(0.05, 0.0, 0.0) if k < 10 else pose
+        motion.predict(scan(0.1 * k, pose))
+        variances.append(motion._readings[0, kernels.VARIANCE])
+        motion.update(pose, SHARP, FULLY_OBSERVED)
+    moving, stopping, still = variances[9], variances[10], variances[-1]
+    assert stopping > 0.8 * moving
+    assert still < 0.1 * moving
 
 
 def test_wheels_at_a_standstill_do_not_brake_a_robot_in_a_bare_corridor():
