@@ -42,10 +42,10 @@ def test_relative_errors_need_no_common_frame_and_component_errors_do():
     assert other > 1.5 * same
 
 
-def test_pairs_over_time_do_not_depend_on_the_rate():
+def test_pairs_over_time_do_not_depend_on_the_rate_and_those_over_none_are_updates():
     fast, slow = np.arange(400) / 40.0, np.arange(50) / 5.0
-    for t, step in ((fast, 40), (slow, 5)):
-        first, second = metrics.pairs_over_time(t, 1.0)
+    for t, span, step in ((fast, 1.0, 40), (slow, 1.0, 5), (slow, 0.0, 1)):
+        first, second = metrics.pairs_over_time(t, span)
         assert len(first) == len(t) - step
         assert set(second - first) == {step}
     assert len(metrics.pairs_over_time(slow, 0.1)[0]) == 0, "5 Hz has no poses 0.1 s apart"

@@ -25,19 +25,13 @@ def steps(poses, dt=0.1):
     return [wheels.take(pose, dt) for pose in poses]
 
 
-def test_each_scan_brings_an_increment_and_the_first_none():
-    first, *rest = steps([Pose2(0.05 * k, 0.0, 0.0) for k in range(5)])
-    assert first is None
-    assert [step.increment.x for step in rest] == pytest.approx([0.05] * 4)
-    assert [step.seconds for step in rest] == pytest.approx([0.1] * 4)
-
-
-def test_scans_between_two_messages_of_the_wheels_bring_none():
-    measured = [Pose2(0.2 * (k // 4), 0.0, 0.0) for k in range(80)]
-    late = steps(measured)[40:]
-    brought = [step for step in late if step is not None]
-    assert [step.increment.x for step in brought] == pytest.approx([0.2] * 10)
-    assert [step.seconds for step in brought] == pytest.approx([0.4] * 10)
+@pytest.mark.parametrize(("scans", "first"), [(1, 1), (4, 40)])
+def test_each_message_of_the_wheels_but_the_first_brings_one_increment(scans, first):
+    found = steps([Pose2(0.05 * scans * (k // scans), 0.0, 0.0) for k in range(first + 10 * scans)])
+    brought = [step for step in found[first:] if step is not None]
+    assert found[0] is None
+    assert [step.increment.x for step in brought] == pytest.approx([0.05 * scans] * 10)
+    assert [step.seconds for step in brought] == pytest.approx([0.1 * scans] * 10)
 
 
 def test_a_robot_at_rest_measures_that():
