@@ -24,16 +24,14 @@ UPDATE = Update(FREE, OCCUPIED, 50.0, math.exp(FREE))
 both_maps = pytest.mark.parametrize("kernels", [map_kernels, original_map])
 
 
-def level(height, width, resolution=0.1, x0=0.0, y0=0.0, unknown=0.0):
-    shape = (height, width)
-    p = np.full(shape, unknown, np.float32)
-    return Level(np.zeros(shape, np.float32), p, np.zeros(shape, np.int32), x0, y0, resolution)
+def level(height, width, resolution=0.1, x0=0.0, y0=0.0):
+    log_odds, p = np.zeros((2, height, width), np.float32)
+    return Level(log_odds, p, np.zeros((height, width), np.int32), x0, y0, resolution)
 
 
-def smooth_level(seed=0, size=40, resolution=0.1):
-    rng = np.random.default_rng(seed)
-    grid = level(size, size, resolution, -0.5 * size * resolution, -0.5 * size * resolution)
-    grid.p[:] = rng.random((size, size))
+def smooth_level():
+    grid = level(40, 40, 0.1, -2.0, -2.0)
+    grid.p[:] = np.random.default_rng(0).random((40, 40))
     return grid
 
 
