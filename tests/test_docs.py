@@ -142,14 +142,9 @@ def test_every_option_in_a_sentence_is_one_of_ours(path):
 
 def examples():
     """Files that the pages' commands are given: those are the reader's."""
-    words = [
-        word for path in DOCS for _, rest in commands(path.read_text("utf-8")) for word in rest
-    ]
-    return {part for word in words for part in re.split(r"[=/]", word)} | {
-        "mine.py",
-        "peers.py",
-        "MAP.yaml",
-    }
+    found = [one for path in DOCS for one in commands(path.read_text(encoding="utf-8"))]
+    parts = {part for _, words in found for word in words for part in re.split(r"[=/]", word)}
+    return parts | {"mine.py", "peers.py", "MAP.yaml"}
 
 
 def exists(name, page):

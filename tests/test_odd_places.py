@@ -65,13 +65,8 @@ def test_matplotlib_says_nothing_where_there_is_no_home(tmp_path, monkeypatch):
     (tmp_path / "file").touch()
     for name in [name for name in os.environ if name.startswith(("XDG", "MPL"))]:
         monkeypatch.delenv(name)
-    code = (
-        "from slams import cli\n"
-        "def plot():\n"
-        "    import matplotlib.figure\n"
-        "    return 0\n"
-        "cli.run_command('x', plot)"
-    )
+    plot = "def plot():\n    import matplotlib.figure\n    return 0\n"
+    code = f"from slams import cli\n{plot}cli.run_command('x', plot)"
     done = python("-c", code, HOME=str(tmp_path / "file" / "none"))
     assert (done.returncode, done.stderr) == (0, "")
 

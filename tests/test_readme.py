@@ -55,11 +55,8 @@ def test_a_sweep_is_kept_with_what_its_tables_show(tmp_path, monkeypatch):
 
 
 def test_every_public_log_with_figures_says_where_it_is_from():
-    logs = (
-        compare.parser()
-        .parse_args(shlex.split(readme.read_figures(readme.PUBLIC)["command"])[3:])
-        .logs
-    )
+    words = shlex.split(readme.read_figures(readme.PUBLIC)["command"])[3:]
+    logs = compare.parser().parse_args(words).logs
     section = README.partition("## Public logs")[2]
     assert len(logs) >= 3
     for log in logs:
@@ -103,17 +100,11 @@ def several_logs(folder):
         for label, ms in costs
     ]
     rows[3] |= {"failed": "ValueError: no", "cost": None}
-    found = {
-        "format": RESULTS_FORMAT,
-        "command": "slams compare ../logs/a.bag 'x y/b.npz' --out /somewhere/o --every 2",
-        "machine": {"cpu": "a core"},
-        "logs": [
-            {"name": "a", "scans": 9, "beams": 3} | more,
-            {"name": "b", "scans": 70, "beams": 5} | more,
-        ],
-        "rows": rows,
-    }
-    (folder / "results.json").write_text(json.dumps(found))
+    sizes = (("a", 9, 3), ("b", 70, 5))
+    logs = [{"name": log, "scans": scans, "beams": n} | more for log, scans, n in sizes]
+    command = "slams compare ../logs/a.bag 'x y/b.npz' --out /somewhere/o --every 2"
+    found = {"format": RESULTS_FORMAT, "command": command, "machine": {"cpu": "a core"}}
+    (folder / "results.json").write_text(json.dumps(found | {"logs": logs, "rows": rows}))
 
 
 def test_results_of_several_logs_become_the_table_of_public_logs(tmp_path, monkeypatch):

@@ -236,9 +236,7 @@ def test_a_sweep_of_a_sweep_takes_the_first_ones_times_into_account():
     lidar = laser(181, time_increment=0.75 / 100 / 180)
     swept = dataclasses.replace(plain(200, rate=100.0), laser=lidar)
     turning = degrade(swept, "sweep", 10, 0)
-    source = [
-        int(np.flatnonzero(swept.ranges[:, j] == r)[0]) for j, r in enumerate(turning.ranges[3])
-    ]
+    source = (swept.ranges == turning.ranges[3]).argmax(axis=0)
     measured = swept.t[source] + swept.laser.time_increment * np.arange(181)
     wanted = turning.t[3] + turning.laser.time_increment * np.arange(181)
     assert np.abs(measured - wanted).max() <= 0.005 + 1e-9

@@ -114,12 +114,8 @@ def test_a_program_that_starts_late_is_seen_from_the_first_scan(log, estimate):
 
 def test_relations_are_met_by_interpolation(log, estimate):
     truth = log.truth_at(log.t)
-    pairs = [(10, 40), (5, 70)]
-    rows = [
-        [log.t[a], log.t[b], *between(truth[a : a + 1], truth[b : b + 1])[0].tolist()]
-        for a, b in pairs
-    ]
-    relations = np.array(rows)
+    a, b = [10, 5], [40, 70]
+    relations = np.column_stack([log.t[a], log.t[b], between(truth[a], truth[b])])
     fine = TimeSeries(log.t[::2], moved(OTHER, truth[::2]))
     found = foreign_case(Foreign("x", fine, None), log, relations)
     assert found.row["relations"]["used"] == 2

@@ -42,13 +42,10 @@ def test_a_drive_that_is_not_found_is_no_arena_of_the_table():
 @pytest.fixture
 def small(monkeypatch):
     """A ring that is driven around once and a bit in a minute."""
-    for name, value in {
-        "BUILDING_SIZE": 16.0,
-        "DRIVE_LENGTH": 80.0,
-        "ROBOT_SPEED": 1.0,
-        "LOOP_REVISIT_TIME": 20.0,
-    }.items():
-        monkeypatch.setattr(loops, name, value)
+    monkeypatch.setattr(loops, "BUILDING_SIZE", 16.0)
+    monkeypatch.setattr(loops, "DRIVE_LENGTH", 80.0)
+    monkeypatch.setattr(loops, "ROBOT_SPEED", 1.0)
+    monkeypatch.setattr(loops, "LOOP_REVISIT_TIME", 20.0)
 
 
 def test_keyframes_are_a_distance_or_rotation_apart():

@@ -100,22 +100,16 @@ def test_of_a_large_room_the_written_blocks_are_known():
     array[20_000, 5] = array[-1, -9] = 1.0
     array[0, :9] = 0.0  # written to, and zero
     block = 20_000 * (4 << 14)
-    assert nonzero_spans(array) == [
-        (block, block + PAGE_SIZE),
-        (array.nbytes - PAGE_SIZE, array.nbytes),
-    ]
+    last = array.nbytes - PAGE_SIZE
+    assert nonzero_spans(array) == [(at, at + PAGE_SIZE) for at in (block, last)]
 
 
 @pytest.mark.parametrize("offset", [0, 1, PAGE_SIZE - 3, PAGE_SIZE])
 def test_blocks_count_from_where_an_array_begins(offset):
     array = zeros((20 * PAGE_SIZE,), np.uint8)[offset : offset + 9 * PAGE_SIZE + 7]
     array[[2 * PAGE_SIZE, 3 * PAGE_SIZE, 8 * PAGE_SIZE - 1, len(array) - 1]] = 1
-    spans = [
-        (2 * PAGE_SIZE, 4 * PAGE_SIZE),
-        (7 * PAGE_SIZE, 8 * PAGE_SIZE),
-        (9 * PAGE_SIZE, len(array)),
-    ]
-    assert nonzero_spans(array) == spans
+    pages = [(PAGE_SIZE * first, PAGE_SIZE * after) for first, after in ((2, 4), (7, 8))]
+    assert nonzero_spans(array) == [*pages, (9 * PAGE_SIZE, len(array))]
 
 
 @pytest.mark.parametrize("name", ["hector", "crsm"])

@@ -91,10 +91,8 @@ def test_what_is_not_an_algorithm_is_refused(outsider, name, error, sentence):
 
 
 def test_an_entry_point_is_found_and_does_not_shadow_a_built_in(outsider, monkeypatch):
-    points = [
-        EntryPoint("mine", "outsider:Mine", registry.ENTRY_POINT_GROUP),
-        EntryPoint("hector", "outsider:Mine", registry.ENTRY_POINT_GROUP),
-    ]
+    group = registry.ENTRY_POINT_GROUP
+    points = [EntryPoint(name, "outsider:Mine", group) for name in ("mine", "hector")]
     monkeypatch.setattr(registry, "entry_points", lambda group: points)
     assert find("mine").cls is outsider.Mine
     assert find("hector").cls is not outsider.Mine
