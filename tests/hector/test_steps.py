@@ -5,13 +5,9 @@ import math
 import numpy as np
 import pytest
 
+import hector.map
 from hector import HectorParams, match_kernels
-from hector.map import (
-    LEVEL_TOLERANCE,
-    MIN_RESIDUAL_VARIANCE,
-    TOLERANCE_BEFORE_LINES,
-    LogOddsPyramid,
-)
+from hector.map import LEVEL_TOLERANCE, MIN_RESIDUAL_VARIANCE, LogOddsPyramid
 from hector.match_kernels import Solver, gauss_newton, normal_equations
 from slams.geometry import Prior
 from slams.refine.line_kernels import View, line_equations
@@ -66,9 +62,8 @@ def test_the_last_steps_on_the_lines_use_all_beams(monkeypatch):
     thorough = grids.lines.fit(points, IDENTITY, LOOSE)
     assert quick.pose == pytest.approx(thorough.pose, abs=2e-4)
     assert quick.inlier_ratio == pytest.approx(thorough.inlier_ratio, abs=0.01)
-    assert quick.information == pytest.approx(
-        thorough.information, rel=0.05, abs=0.05 * thorough.information[2, 2]
-    )
+    expected = thorough.information
+    assert quick.information == pytest.approx(expected, rel=0.05, abs=0.05 * expected[2, 2])
 
 
 @pytest.mark.parametrize(("rate", "looks"), [(10.0, 40), (40.0, 10)])
@@ -124,7 +119,8 @@ def test_scans_of_many_beams_are_matched_to_the_pyramid_by_a_part_of_them(n, ref
     solvers = [Solver(*one) for one in LogOddsPyramid(params)._solvers(n // MIN_USED_BEAMS)]
     assert [solver.stride for solver in solvers] == strides
     for level, (solver, stride) in enumerate(zip(solvers, strides, strict=True)):
-        relative = TOLERANCE_BEFORE_LINES if refine and stride > 1 else LEVEL_TOLERANCE
+        coarse = refine and stride > 1
+        relative = hector.map.TOLERANCE_BEFORE_LINES if coarse else LEVEL_TOLERANCE
         exact = not refine and level == 0
         expected = params.converged if exact else relative * 0.05 * 2**level
         assert solver.tolerance == pytest.approx(expected)

@@ -17,15 +17,7 @@ from slams.live.recorder import Recorder
 from slams.live.robot import Robot
 from slams.player import replay
 from slams.ros.maker import Maker
-from slams.ros.messages import (
-    IMU_TYPE,
-    ODOMETRY_TYPE,
-    SCAN_TYPE,
-    TF_TYPE,
-    Record,
-    typestore,
-    yaw_of,
-)
+from slams.ros.messages import IMU_TYPE, ODOMETRY_TYPE, SCAN_TYPE, TF_TYPE, Record, typestore
 from slams.scanlog import TimeSeries
 from slams.types import Pose2
 from tests.rooms import drive, drive_poses, laser, scan_at
@@ -215,15 +207,8 @@ def scan_record(t, topic="/scan"):
     return Record(topic, SCAN_TYPE, 0, bytes(typestore().serialize_cdr(scan_message(t), SCAN_TYPE)))
 
 
-def turned_over(message):
-    """A transform that also rolls by half a turn, as a laser mounted upside down has it."""
-    q = message.transforms[0].transform.rotation
-    q.x, q.y, q.z, q.w = q.w, q.z, 0.0, 0.0
-    return message
-
-
 def planar(where, rotation):
-    return Pose2(where.x, where.y, yaw_of(rotation))
+    return Pose2(where.x, where.y, slams.ros.messages.yaw_of(rotation))
 
 
 def close(a, b):

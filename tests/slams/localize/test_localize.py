@@ -7,16 +7,7 @@ import pytest
 
 from slams.localize import GlobalLocalizer, map_index
 from slams.localize.distance_map import DistanceMap
-from slams.localize.map_index import (
-    TILE_HALF_WIDTH,
-    Candidate,
-    MapIndex,
-    Search,
-    Work,
-    distinct_poses,
-    end_points,
-    merged,
-)
+from slams.localize.map_index import Candidate, MapIndex, Search, Work, end_points, merged
 from slams.test_world import odd_scans
 from slams.types import Laser, OccupancyGrid, Pose2
 from tests.floors import ALIKE, grid_of, noisy
@@ -97,9 +88,8 @@ def test_people_do_not_throw_it_off(room):
 
 
 def test_probabilities_follow_from_scores_and_what_was_before():
-    a, b, c = (
-        Candidate(Pose2(x, 0.0, 0.0), e, 0.0, 1.0) for x, e in ((0, 0.9), (3, 0.88), (6, 0.3))
-    )
+    scored = ((0, 0.9), (3, 0.88), (6, 0.3))
+    a, b, c = (Candidate(Pose2(x, 0.0, 0.0), e, 0.0, 1.0) for x, e in scored)
     same = merged([], [b, a, c])
     assert [x.probability for x in same] == pytest.approx([0.5, 0.5])  # as good as equal; c is out
     known = [a._replace(probability=0.1), b._replace(probability=0.9)]
@@ -115,10 +105,8 @@ def test_a_square_room_is_in_doubt_for_ever():
     for k in range(12):
         pose = (1.0 + 0.1 * k, 1.5, 0.4)
         assert localizer.add(noisy(pose, k, segments=square)) is None
-    headings = sorted(
-        round((c.pose.theta - 0.4) / (math.pi / 2)) % 4 for c in localizer.candidates[:4]
-    )
-    assert headings == [0, 1, 2, 3]
+    turns = [(c.pose.theta - 0.4) / (math.pi / 2) for c in localizer.candidates[:4]]
+    assert sorted(round(turn) % 4 for turn in turns) == [0, 1, 2, 3]
     assert max(c.probability for c in localizer.candidates) < 0.6
 
 
@@ -158,17 +146,17 @@ def test_the_squares_of_a_search_are_those_in_which_a_laser_has_room(room):
     iy, ix = np.nonzero(index.distances.gap > 2)
     places = np.stack([ix, iy], axis=1) * 0.05 + (-2.975, 2.025)
     off = np.abs(places[:, None] - middles).max(axis=2)
-    assert off.min(axis=1).max() <= TILE_HALF_WIDTH + 1e-9  # everywhere is in one of them
-    assert off.min(axis=0).max() < TILE_HALF_WIDTH + 0.3  # and in none is nothing
-    assert len(middles) < 0.5 * 60.0 * 15.0 / (2.0 * TILE_HALF_WIDTH) ** 2
+    assert off.min(axis=1).max() <= map_index.TILE_HALF_WIDTH + 1e-9  # everywhere is in one of them
+    assert off.min(axis=0).max() < map_index.TILE_HALF_WIDTH + 0.3  # and in none is nothing
+    assert len(middles) < 0.5 * 60.0 * 15.0 / (2.0 * map_index.TILE_HALF_WIDTH) ** 2
 
 
 def test_of_likely_poses_the_best_of_each_place_are_kept():
     poses = np.array([(0.0, 0.0, 3.1, 0.7), (0.1, 0.1, -3.1, 0.9), (0.1, 0.1, 0.0, 0.6),
                       (0.4, 0.1, 3.1, 0.8)])  # fmt: skip
-    assert distinct_poses(poses)[:, 3].tolist() == [0.9, 0.8, 0.6]
+    assert map_index.distinct_poses(poses)[:, 3].tolist() == [0.9, 0.8, 0.6]
     many = np.column_stack([np.arange(99.0), np.zeros((99, 2)), np.linspace(0.1, 0.9, 99)])
-    assert (distinct_poses(many) == many[::-1][: map_index.MAX_FITTED_POSES]).all()
+    assert (map_index.distinct_poses(many) == many[::-1][: map_index.MAX_FITTED_POSES]).all()
 
 
 def test_a_laser_whose_back_was_never_seen_has_room(room):
@@ -185,9 +173,8 @@ def test_a_laser_whose_back_was_never_seen_has_room(room):
 def test_the_likelihood_of_a_wall_falls_off_around_it(cell):
     p = np.zeros((round(4.0 / cell), round(6.0 / cell)), np.float32)
     p[:, round(3.0 / cell)] = 1.0  # at x = 3 m
-    grid, x0, y0, edge, pooled, block = MapIndex(
-        OccupancyGrid(p, cell, (1.0, -2.0))
-    ).likelihood_field
+    index = MapIndex(OccupancyGrid(p, cell, (1.0, -2.0)))
+    grid, x0, y0, edge, pooled, block = index.likelihood_field
     assert edge == pytest.approx(0.1) and y0 < -2.0 + edge
     x = x0 + edge * np.arange(grid.shape[1])
     expected = np.maximum(1.0 - np.abs(x - 4.0 - 0.5 * cell) / 0.3, 0.0)

@@ -16,21 +16,10 @@ from slams.localize.virtual import build, ranges_at, scans_of, stations
 from slams.params import Params
 from slams.registry import find
 from slams.state import save
+from slams.test_world import ROOM, box, cast, drive, drive_poses, laser, scan_at
 from slams.types import IDENTITY, Laser, OccupancyGrid, Pose2
 from tests.floors import START, grid_of, seen, truth
-from tests.rooms import (
-    ROOM,
-    box,
-    cast,
-    command,
-    drive,
-    drive_poses,
-    labels,
-    laser,
-    made,
-    mirrored,
-    scan_at,
-)
+from tests.rooms import command, labels, made, mirrored
 from tests.test_readme_code import block
 from tests.wheels import Drifting
 
@@ -68,13 +57,11 @@ def test_a_wall_is_taken_to_be_in_the_middle_of_its_cells():
     p = np.zeros((40, 60), np.float32)
     p[:, 50] = p[35] = 1.0
     distances = DistanceMap(OccupancyGrid(p, 0.1, (-1.0, 2.0)))
-    fan = Laser(0.0, math.pi / 4, 3, 0.1, 30.0)
+    fan, single = Laser(0.0, math.pi / 4, 3, 0.1, 30.0), Laser(-math.pi / 2, 0.1, 1, 0.1, 30.0)
     ahead, aslant, aside = ranges_at(distances, Pose2(0.0, 3.03, 0.0), fan).tolist()
     assert (ahead, aside) == pytest.approx((4.05, 2.52), abs=1e-5)
     assert aslant == pytest.approx(2.52 * math.sqrt(2.0), abs=0.05)
-    turned = ranges_at(
-        distances, Pose2(0.0, 3.03, math.pi / 2), Laser(-math.pi / 2, 0.1, 1, 0.1, 30.0)
-    )
+    turned = ranges_at(distances, Pose2(0.0, 3.03, math.pi / 2), single)
     assert turned.tolist() == pytest.approx([4.05], abs=1e-5)
 
 
@@ -113,9 +100,8 @@ def test_a_virtual_drive_gives_an_algorithm_the_map_and_freezes_it(room):
     assert poses[0] == IDENTITY and len(poses) == len(stations(room.distances))
     assert all(b.t > a.t for a, b in zip(scans, scans[1:], strict=False))
     for scan, pose in fake.inserted[:3]:
-        assert room.distances.evaluate(
-            (scan.ranges[:, None] * scan.laser.directions)[np.isfinite(scan.ranges)], origin @ pose
-        ) >= (0.97, 0.0)
+        ends = (scan.ranges[:, None] * scan.laser.directions)[np.isfinite(scan.ranges)]
+        assert room.distances.evaluate(ends, origin @ pose) >= (0.97, 0.0)
 
 
 def test_poses_come_in_the_frame_of_the_map(room, log):
@@ -239,9 +225,8 @@ def test_what_is_never_sure_ends_with_the_likely_places(files, log):
     lidar = laser(361)
     ranges = np.array([cast(square, (0.5, 0.2, 0.1), lidar)] * 3)
     still = type(log)(log.t[:3], ranges.astype(np.float32), lidar)
-    with pytest.raises(
-        RuntimeError, match=r"no certain pose in the map after all 3 scans \(most likely: "
-    ):
+    sentence = r"no certain pose in the map after all 3 scans \(most likely: "
+    with pytest.raises(RuntimeError, match=sentence):
         find_start(MapIndex(grid_of(square)), still)
     write_map(files, grid_of(square))
     still.save(files / "still.npz")

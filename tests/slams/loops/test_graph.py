@@ -7,17 +7,9 @@ import pytest
 from scipy.optimize import least_squares
 
 from slams.frontend.correlative import Window
+from slams.loops import matching
 from slams.loops.graph import LoopEdge, PoseGraph
-from slams.loops.matching import (
-    ADJACENT_CELL_LIKELIHOOD,
-    VISIBILITY_TOLERANCE,
-    LocalMap,
-    check_visibility,
-    keyframe,
-    loop_information,
-    observable_part,
-    read_end_points,
-)
+from slams.loops.matching import LocalMap, keyframe, read_end_points
 from slams.refine.lines import Match
 from slams.test_world import drive, laser, scan_at
 from slams.types import IDENTITY, Laser, Pose2, Scan, wrap_angle
@@ -48,13 +40,12 @@ def residuals(flat, steps, loops):
     """Of all edges, whitened: what `PoseGraph` minimizes, written down once more."""
     poses = [IDENTITY, *(Pose2(*row) for row in flat.reshape(-1, 3))]
     out = []
-    for i, j, pose, root in [(k, k + 1, s, 1.0 / np.sqrt(VARIANCES)) for k, s in steps] + [
-        (i, j, pose, np.sqrt(np.diag(information))) for i, j, pose, information in loops
-    ]:
+    edges = [(k, k + 1, step, np.diag(1.0 / VARIANCES)) for k, step in steps]
+    for i, j, pose, information in [*edges, *loops]:
         found = poses[i].between(poses[j])
         off = np.array(found) - np.array(pose)
         off[2] = wrap_angle(float(off[2]))
-        out.append(root * off)
+        out.append(np.sqrt(np.diag(information)) * off)
     return np.concatenate(out)
 
 
@@ -66,9 +57,8 @@ def test_the_optimum_is_that_of_another_solver(seed):
     for _ in range(20):
         if graph.iterate() < 1e-9:
             break
-    other = least_squares(
-        residuals, start, args=(steps, graph.loops), method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15
-    )
+    exact = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-15)
+    other = least_squares(residuals, start, args=(steps, graph.loops), method="lm", **exact)
     assert graph.pose(0) == pytest.approx(IDENTITY, abs=1e-9)
     found, expected = graph.poses[1:], other.x.reshape(-1, 3)
     assert np.abs(found[:, :2] - expected[:, :2]).max() < 1e-6
@@ -136,10 +126,10 @@ def test_inliers_and_conflicts_of_a_scan_by_hand(step):
     ranges = np.array([4.0, 4.0, 4.0, 2.0, math.inf, math.nan], np.float32)
     scan = Scan(0.0, ranges, Laser(0.0, step, 7, 0.1, 10.0))  # cut short: a beam is missing
     cases = [  # beam, range [m], inlier, conflict; a tenth of the range is allowed, too
-        (1, 4.0 + 0.3 + VISIBILITY_TOLERANCE, True, False),
-        (1, 4.0 - 0.3 - VISIBILITY_TOLERANCE, True, False),
-        (1, 4.0 - 0.4 - VISIBILITY_TOLERANCE, False, True),
-        (1, 4.0 + 0.6 + VISIBILITY_TOLERANCE, False, False),  # hidden
+        (1, 4.0 + 0.3 + matching.VISIBILITY_TOLERANCE, True, False),
+        (1, 4.0 - 0.3 - matching.VISIBILITY_TOLERANCE, True, False),
+        (1, 4.0 - 0.4 - matching.VISIBILITY_TOLERANCE, False, True),
+        (1, 4.0 + 0.6 + matching.VISIBILITY_TOLERANCE, False, False),  # hidden
         (2, 3.0, True, False),  # between the two walls
         (2, 1.0, False, True),
         (3, 2.0, True, False),
@@ -149,7 +139,7 @@ def test_inliers_and_conflicts_of_a_scan_by_hand(step):
         (-20, 4.0, False, False),
     ]
     at = [(r * math.cos(k * step), r * math.sin(k * step)) for k, r, *_ in cases]
-    inliers, conflicts = check_visibility(np.array(at), scan)
+    inliers, conflicts = matching.check_visibility(np.array(at), scan)
     assert inliers.tolist() == [case[2] for case in cases]
     assert conflicts.tolist() == [case[3] for case in cases]
 
@@ -157,7 +147,7 @@ def test_inliers_and_conflicts_of_a_scan_by_hand(step):
 def test_a_cell_next_to_one_with_a_wall_is_less_likely():
     key = keyframe(scan_at(IDENTITY, laser(61)), IDENTITY)
     likelihood = LocalMap([key], [IDENTITY])._field.likelihood
-    walls, adjacent = np.argwhere(likelihood == 1.0), np.float32(ADJACENT_CELL_LIKELIHOOD)
+    walls, adjacent = np.argwhere(likelihood == 1.0), np.float32(matching.ADJACENT_CELL_LIKELIHOOD)
     for iy, ix in walls.tolist():
         assert (likelihood[iy - 1 : iy + 2, ix - 1 : ix + 2] >= adjacent).all()
     off = np.abs(np.argwhere(likelihood > 0.0)[:, None] - walls).max(axis=2).min(axis=1)
@@ -169,7 +159,7 @@ def test_a_corridor_is_observed_across_only():
     log = drive(n=1)
     points, _ = read_end_points(next(iter(log)), IDENTITY)
     spread = np.array(((0.25, 0.0), (0.0, 0.001)))
-    across = observable_part(points, 0.0, spread)
+    across = matching.observable_part(points, 0.0, spread)
     assert across @ np.array((1.0, 0.0)) == pytest.approx([0.0, 0.0], abs=1e-9)
     assert across @ np.array((0.0, 1.0)) == pytest.approx([0.0, 1.0], abs=0.02)
 
@@ -179,4 +169,4 @@ def test_the_information_is_positive_with_two_oblique_degenerate_directions():
     axes = [np.array((math.cos(a), math.sin(a))) for a in (0.0, 0.6)]
     across, beside = (np.eye(2) - np.outer(axis, axis) for axis in axes)
     match = Match(IDENTITY, information=np.diag((1e6, 1e4, 1e7)))
-    assert np.linalg.eigvalsh(loop_information(match, across @ beside))[0] > 0.0
+    assert np.linalg.eigvalsh(matching.loop_information(match, across @ beside))[0] > 0.0

@@ -7,21 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slams.scan import scan_kernels
 from slams.scan.end_points import OUTLIER_DEVIATIONS, TRUNCATED_MEDIAN, EndPoints
 from slams.scan.moving_average import MovingAverage
 from slams.scan.params import ScanParams
-from slams.scan.scan_kernels import (
-    NORMALS_PER_HALF_WINDOW,
-    Limits,
-    ScanResolution,
-    Twist,
-    beyond_chords,
-    deskew,
-    end_points,
-    remove_isolated,
-    scan_moments,
-    scan_normals,
-)
 from slams.types import IDENTITY, Laser, Pose2, Scan
 from tests.rooms import laser, scan_at
 
@@ -34,9 +23,8 @@ def points_of(*xy):
 
 def kept(points, step):
     """The numbers of the beams that have company."""
-    n = remove_isolated(
-        points, points.shape[1], IDENTITY, step, GAP_THRESHOLD, np.zeros_like(points)
-    )
+    spare = np.zeros_like(points)
+    n = scan_kernels.remove_isolated(points, points.shape[1], IDENTITY, step, GAP_THRESHOLD, spare)
     return points[2, :n].astype(int).tolist()
 
 
@@ -69,7 +57,8 @@ def test_one_beam_beside_is_no_company_as_smoke_has_some():
 def test_ranges_count_between_both_limits_and_carry_the_number_of_their_beam():
     lidar = Laser(0.0, 0.1, 5, 0.1, 30.0, Pose2(1.0, 2.0, 0.5 * math.pi))
     ranges, out = np.array([0.4, 0.6, np.nan, 4.9, 5.1], np.float32), np.zeros((3, 5))
-    n, far = end_points(ranges, lidar.directions, lidar.mount, Limits(0.5, 5.0), out)
+    limits = scan_kernels.Limits(0.5, 5.0)
+    n, far = scan_kernels.end_points(ranges, lidar.directions, lidar.mount, limits, out)
     assert (n, out[2, :2].tolist()) == (2, [1.0, 3.0])
     expected = lidar.mount.transform((ranges[:, None] * lidar.directions)[[1, 3]].astype(float))
     assert pytest.approx(expected, rel=1e-6) == out[:2, :2].T
@@ -79,7 +68,7 @@ def test_ranges_count_between_both_limits_and_carry_the_number_of_their_beam():
 def test_a_point_is_brought_along_the_arc_to_the_middle_of_the_sweep():
     points = points_of((2.0, 0.0), (2.0, 1.0), (2.0, 2.0))
     before = points.copy()
-    deskew(points, 3, Twist(1.0, 0.2, 0.8, 0.05, 1.0))
+    scan_kernels.deskew(points, 3, scan_kernels.Twist(1.0, 0.2, 0.8, 0.05, 1.0))
     for k in range(3):
         t = 0.05 * (k - 1)
         half = Pose2(0.0, 0.0, 0.5 * 0.8 * t)
@@ -91,10 +80,10 @@ def test_a_point_is_brought_along_the_arc_to_the_middle_of_the_sweep():
 def test_noise_is_what_is_left_of_straight_walls():
     rng, wall = np.random.default_rng(0), np.linspace(-1.0, 1.0, 301)
     points = np.stack([np.full(301, 2.0), wall, np.arange(301.0)])
-    assert beyond_chords(points.copy(), 301, IDENTITY, 0.1, 0.1, np.zeros(301)) == 100
-    assert beyond_chords(points.copy(), 301, IDENTITY, 0.01, 0.1, np.zeros(301)) == 0
+    assert scan_kernels.beyond_chords(points.copy(), 301, IDENTITY, 0.1, 0.1, np.zeros(301)) == 100
+    assert scan_kernels.beyond_chords(points.copy(), 301, IDENTITY, 0.01, 0.1, np.zeros(301)) == 0
     out = np.zeros(301)
-    beyond_chords(points, 301, Pose2(0.5, 0.3, 0.0), 0.1, 0.1, out)
+    scan_kernels.beyond_chords(points, 301, Pose2(0.5, 0.3, 0.0), 0.1, 0.1, out)
     assert np.abs(out).max() < 1e-12
     lidar = laser(1441)
     for noise, found in ((0.02, 0.02), (0.3, 0.15), (0.0, 0.001)):
@@ -154,10 +143,9 @@ def test_the_window_of_a_normal_and_what_is_one_surface_grow_with_the_noise():
 def normals_of(points, noise=0.0, step=0.02):
     n = points.shape[1]
     out, moments = np.zeros((3, n)), np.zeros((6, n + 1))
-    scan_moments(points, n, IDENTITY, step, GAP_THRESHOLD, moments)
-    scan_normals(
-        points, n, IDENTITY, step, ScanResolution(noise, 0.05, GAP_THRESHOLD), moments, out
-    )
+    scan_kernels.scan_moments(points, n, IDENTITY, step, GAP_THRESHOLD, moments)
+    resolution = scan_kernels.ScanResolution(noise, 0.05, GAP_THRESHOLD)
+    scan_kernels.scan_normals(points, n, IDENTITY, step, resolution, moments, out)
     return out
 
 
@@ -176,7 +164,7 @@ def test_a_normal_is_shared_within_a_part_of_its_window():
     half = 2 + int(0.05 / (step * math.hypot(0.5, 1.0)))
     ends, middle = out[0, 400 - half :], out[0, 200 : 200 + half]
     assert len(np.unique(ends)) == half  # at the end of a wall a window is half a one
-    assert len(np.unique(middle)) <= 2 + half / (1 + half // NORMALS_PER_HALF_WINDOW)
+    assert len(np.unique(middle)) <= 2 + half / (1 + half // scan_kernels.NORMALS_PER_HALF_WINDOW)
     assert np.abs(out[1, half:-half]).max() < 0.05
 
 
