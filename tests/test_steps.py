@@ -32,13 +32,11 @@ def test_at_rest_the_map_is_entered_by_the_first_scans_alone(name):
     assert [settled(name, n).report()["inserted"] for n in (first, 20)] == [first, first]
 
 
-@pytest.mark.parametrize(
-    ("ends", "begins"), [(MIN_FIRST_POINTS - 1, False), (MIN_FIRST_POINTS, True)]
-)
-def test_a_map_begins_with_a_scan_that_has_enough_end_points(name, ends, begins):
+@pytest.mark.parametrize(("missing", "begins"), [(1, False), (0, True)])
+def test_a_map_begins_with_a_scan_that_has_enough_end_points(name, missing, begins):
     slam = settled(name, 0)
     ranges = np.full(LIDAR.n_beams, np.inf, np.float32)
-    ranges[:ends] = 2.0
+    ranges[: MIN_FIRST_POINTS - missing] = 2.0
     slam.update(Scan(0.0, ranges, LIDAR))
     report = slam.report()
     assert (report["inserted"], report["lost"], report["empty"]) == (int(begins), 0, 0)

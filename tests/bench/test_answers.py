@@ -234,9 +234,8 @@ def test_a_curve_of_errors_counts_lost_runs_and_levels_behind_them_among_all():
 
 def test_accuracy_does_not_make_up_for_lost_runs():
     trials = climbs([3] * 6, second_m=0.004) + climbs([1] * 6, algorithm="b", second_m=0.001)
-    tests = answers._tests(
-        0, survival.held(trials, False, ("noise",)), survival.errors(trials, False, ("noise",))
-    )
+    held = survival.held(trials, False, ("noise",))
+    tests = answers._tests(0, held, survival.errors(trials, False, ("noise",)))
     assert [(test.winner, test.reason, test.p) for test in tests] == [
         ("a", "lost less", pytest.approx(2.0 / 2**6)),
         ("b", "more accurate", 1.0),

@@ -157,9 +157,8 @@ def test_nothing_behind_walls_is_seen():
     centers = (cells[:, ::-1] + 0.5) * world.resolution + np.array(world.origin)
     gap = centers[:, None] - poses[None, :, :2]
     distance, direction = np.hypot(*gap.T).T, np.arctan2(gap[..., 1], gap[..., 0])
-    rays = np.stack([*np.broadcast_arrays(poses[:, 0], poses[:, 1], direction)], axis=-1).reshape(
-        -1, 3
-    )
+    x, y, angle = np.broadcast_arrays(poses[:, 0], poses[:, 1], direction)
+    rays = np.column_stack([x.ravel(), y.ravel(), angle.ravel()])
     sight = world.cast(rays).reshape(distance.shape) > distance - 2.0 * world.resolution
     assert sight.any(axis=1).mean() > 0.99
 

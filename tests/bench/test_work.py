@@ -64,9 +64,8 @@ def undisturbed(tmp_path_factory):
 def test_a_value_is_the_same_fresh_and_stored_to_the_order_of_its_keys(tmp_path, here):
     store, (task,) = Store(tmp_path), toys(1)
     values = [*do([task], store).values(), store.read(task.key)]
-    assert [list(value.items()) for value in values] == [
-        [("n", 0), ("square", 0), ("third", 0.0)]
-    ] * 2
+    expected = [("n", 0), ("square", 0), ("third", 0.0)]
+    assert [list(value.items()) for value in values] == [expected] * 2
     assert do([task], store) == {}
 
 

@@ -86,9 +86,8 @@ def test_cast_rays_equals_its_naive_twin(density):
     rng = np.random.default_rng(7)
     occupied = rng.random((30, 40)) < density
     world = World(occupied, np.zeros_like(occupied), CELL, (0.31, -2.07))
-    rays = np.column_stack(
-        [rng.uniform(0.32, 2.3, 200), rng.uniform(-2.06, -0.58, 200), rng.uniform(-4, 4, 200)]
-    )
+    limits = ((0.32, 2.3), (-2.06, -0.58), (-4, 4))  # of x, y and the angle
+    rays = np.column_stack([rng.uniform(*of, 200) for of in limits])
     rays[:40, 2] = 0.25 * math.pi * np.arange(40)  # along the axes and the diagonals
     expected = [naive_cast(occupied, CELL, world.origin, ray) for ray in rays]
     np.testing.assert_allclose(world.cast(rays), expected, rtol=0, atol=1e-9)

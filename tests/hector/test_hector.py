@@ -83,10 +83,8 @@ def test_the_exact_gradient_is_the_derivative_and_the_originals_is_not():
         assert original_match.interpolate(p, x, y)[1:] != pytest.approx(slope, abs=1e-2)
         ix, iy, fx, fy = int(x), int(y), x % 1.0, y % 1.0
         (p00, p10), (p01, p11) = p[iy : iy + 2, ix : ix + 2].astype(float)
-        swapped = (
-            (1.0 - fx) * (p10 - p00) + fx * (p11 - p01),
-            (1.0 - fy) * (p01 - p00) + fy * (p11 - p10),
-        )
+        swapped_x = (1.0 - fx) * (p10 - p00) + fx * (p11 - p01)
+        swapped = (swapped_x, (1.0 - fy) * (p01 - p00) + fy * (p11 - p10))
         assert original_match.interpolate(p, x, y)[1:] == pytest.approx(swapped, abs=1e-5)
 
 
@@ -96,24 +94,14 @@ def test_normal_equations_are_the_gradient_of_the_cost():
     H, b = np.zeros((3, 3)), np.zeros(3)
 
     def residuals(pose):
-        moved = pose.transform(points.T)
-        return np.array(
-            [
-                1.0 - naive.map_value(grid.p, (x - grid.x0) / 0.1, (y - grid.y0) / 0.1)
-                for x, y in moved
-            ]
-        )
+        cells = (Pose2(*pose).transform(points.T) - (grid.x0, grid.y0)) / 0.1
+        return np.array([1.0 - naive.map_value(grid.p, x, y) for x, y in cells])
 
     pose, h = np.array([0.03, -0.02, 0.1]), 1e-6
     score, square = match_kernels.normal_equations(grid, points, 50, 1, Pose2(*pose), H, b)
-    J = np.stack(
-        [
-            (residuals(Pose2(*(pose + h * e))) - residuals(Pose2(*(pose - h * e)))) / (2 * h)
-            for e in np.eye(3)
-        ],
-        axis=1,
-    )
-    r = residuals(Pose2(*pose))
+    ways = h * np.eye(3)
+    J = np.array([(residuals(pose + way) - residuals(pose - way)) / (2 * h) for way in ways]).T
+    r = residuals(pose)
     assert pytest.approx(H, rel=1e-4) == J.T @ J
     assert -J.T @ r == pytest.approx(b, rel=1e-4, abs=1e-4)
     assert score == pytest.approx(1.0 - r.mean())
@@ -123,9 +111,8 @@ def test_normal_equations_are_the_gradient_of_the_cost():
 def test_a_step_of_the_original_is_limited_in_rotation_only():
     grid = smooth_level()
     points = np.array([[1.0, 1.01, -1.0], [0.0, 0.02, 0.03]])
-    free, turned = (
-        original_match.gauss_newton(grid, points, 3, IDENTITY, 1, limit) for limit in (0.2, 0.02)
-    )
+    step = original_match.gauss_newton
+    free, turned = (step(grid, points, 3, IDENTITY, 1, limit) for limit in (0.2, 0.02))
     assert abs(free.theta) > 0.03
     assert turned == (free.x, free.y, math.copysign(0.02, free.theta))
     assert math.hypot(free.x, free.y) > 0.01

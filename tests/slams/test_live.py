@@ -120,9 +120,8 @@ def test_ranges_are_cleaned_and_left_alone():
     given = np.array([0.05, 1.0, 40.0, np.inf, -np.inf, np.nan], np.float32)
     before = given.copy()
     push(live, scan_at((0.0, 0.0, 0.0), laser(6)), ranges=given)
-    assert np.array_equal(
-        seen[0].ranges, [np.nan, 1, np.inf, np.inf, np.nan, np.nan], equal_nan=True
-    )
+    expected = [np.nan, 1, np.inf, np.inf, np.nan, np.nan]
+    assert np.array_equal(seen[0].ranges, expected, equal_nan=True)
     assert np.array_equal(given, before, equal_nan=True)
     assert not seen[0].ranges.flags.writeable
 

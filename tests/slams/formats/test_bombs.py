@@ -117,6 +117,7 @@ def test_recordings_unpack_to_fifty_times_their_size_and_no_more():
 
 
 LONG = f'<arg name="a" default="{"x" * 100_000}"/>'
+GROUP = '<group ns="$(arg a)"><param name="x" value="1"/></group>'
 
 
 def levels(first, each, n):
@@ -153,9 +154,7 @@ LAUNCH = {
     "200 levels": doubling(200),
     "at once": launch(LONG, f'<arg name="b" default="{"$(arg a)" * 10_000}"/>'),
     "one by one": launch(LONG, *(f'<arg name="b{k}" default="$(arg a)"/>' for k in range(3000))),
-    "namespaces": launch(
-        LONG, *['<group ns="$(arg a)"><param name="x" value="1"/></group>'] * 1500
-    ),
+    "namespaces": launch(LONG, *[GROUP] * 1500),
 }
 REASONS = {"entities": "no <!DOCTYPE", "groups": "nested too deeply"}
 

@@ -23,6 +23,8 @@ from slams.scan.params import ScanParams
 from slams.types import IDENTITY, Pose2
 from tests.rooms import CORRIDOR, LIDAR, ROOM, laser, scan_at
 
+UNIFORM = LikelihoodField(np.ones((200, 200), np.float32), -20.0, -20.0, 0.2)
+
 
 def intervals(stamps, **how):
     timing = ScanTiming(**how)
@@ -76,9 +78,8 @@ def test_a_corridor_is_degenerate_along_itself_and_a_room_is_not():
     assert observability(100.0, 0.0, 100.0, 0.14) == FULLY_OBSERVED
     assert 0.0 < observability(8.0, 0.0, 200.0, 0.14).share < 0.9
     assert observability(2.0, 0.0, 150.0, 0.14).share == 0.0
-    assert (
-        observability(2.0, 0.0, 150.0, 0.05).share > 0.3
-    )  # with smaller errors of the normals more is observed
+    # with smaller errors of the normals more is observed
+    assert observability(2.0, 0.0, 150.0, 0.05).share > 0.3
 
 
 def test_a_search_finds_the_pose_that_the_wall_shows():
@@ -95,9 +96,8 @@ def test_a_search_finds_the_pose_that_the_wall_shows():
     assert poses[0, 2] == pytest.approx(0.2, abs=0.05)
     every, _ = search(lookup, points, window, tolerance=1.0)
     assert every[0] == pytest.approx(poses[0])
-    assert (
-        every[:, 3] >= poses[:, 3]
-    ).all()  # poses below the tolerance were not evaluated to the end
+    # poses below the tolerance were not evaluated to the end
+    assert (every[:, 3] >= poses[:, 3]).all()
     assert every[:, 3].sum() > poses[:, 3].sum() + 1.0
 
 
@@ -125,8 +125,7 @@ def test_a_coarse_cell_bounds_all_shifts_within_it(block):
 @pytest.mark.parametrize("half", [0.05, 0.4, 1.0, 2.0, 4.0])
 def test_a_search_stays_in_its_window(half):
     """But for one coarse cell of it: walls beside it are not to crowd out what is inside."""
-    lookup = LikelihoodField(np.ones((200, 200), np.float32), -20.0, -20.0, 0.2)
-    poses, _ = search(lookup, np.ones((2, 60)), Window(IDENTITY, half, 0.1), tolerance=1.0)
+    poses, _ = search(UNIFORM, np.ones((2, 60)), Window(IDENTITY, half, 0.1), tolerance=1.0)
     found = np.abs(poses[:, :2]).max()
     assert 0.9 * half - 0.2 < found < half + max(0.2, 0.8 * half)
 
@@ -146,9 +145,7 @@ def here():
 
 
 def test_where_all_is_alike_a_search_looks_near_the_prior():
-    uniform = Map(
-        LikelihoodField(np.ones((200, 200), np.float32), -20.0, -20.0, 0.2), lambda *_: 0.5
-    )
+    uniform = Map(UNIFORM, lambda *_: 0.5)
 
     def rematch(points, start, prior):
         starts.append(start)
@@ -169,9 +166,7 @@ def test_a_search_reaches_as_far_as_a_late_scan_may_be(lateral, rotation, found)
     """However small the covariance of the prior: here 5 cm and a twentieth of a radian."""
     true = Pose2(lateral, 0.0, rotation)
     lookup = LocalMap([keyframe(scan_at(IDENTITY, LIDAR), IDENTITY)], [true])._field
-    walls = Map(
-        lookup, lambda points, pose: 1.0 if pose_distance(points, pose, true) < 0.3 else 0.1
-    )
+    walls = Map(lookup, lambda *at: 1.0 if pose_distance(*at, true) < 0.3 else 0.1)
     best = best_around(Match(IDENTITY), here(), walls, PRIOR, lambda _, start, __: [Match(start)])
     assert (pose_distance(here(), best.match.pose, true) < 0.3) == found
 

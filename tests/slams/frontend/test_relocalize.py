@@ -122,9 +122,8 @@ def test_small_differences_of_alike_rooms_do_not_add_up_while_the_robot_stands(o
 
 
 def test_more_alike_places_than_can_be_tracked_stay_open(monkeypatch):
-    monkeypatch.setattr(
-        relocalize, "WORK_PER_SCAN", 3.0 * map_index.FIT_COST
-    )  # one is tracked, of two
+    of_one = 3.0 * map_index.FIT_COST  # one is tracked, of two
+    monkeypatch.setattr(relocalize, "WORK_PER_SCAN", of_one)
     draw, near = Map(grid_of(ALIKE, inside=(0.0, -1.0))), laser(541, range_max=3.0)
     drive = driving(140, Pose2(-4.5, 2.5, -1.5), Pose2(0.0, 0.005, 0.02), ALIKE, near)
     assert run(drive, draw, Pose2(0.0, -1.0, 0.0))[0] is None

@@ -106,16 +106,14 @@ def test_probabilities_stay_between_searches_and_count_in_the_next(guided):
     guide = Guide(HERE, THERE)
     localizer = GlobalLocalizer(guide)
     localizer.add(still(0, odometry=IDENTITY))
-    localizer.candidates = [
-        c._replace(probability=p) for c, p in zip(localizer.candidates, (0.8, 0.2), strict=True)
-    ]
+    here, there = localizer.candidates
+    localizer.candidates = [here._replace(probability=0.8), there._replace(probability=0.2)]
     localizer.add(still(1, odometry=IDENTITY))
     assert [c.probability for c in localizer.candidates] == [0.8, 0.2]
     guide.poses = (HERE, THERE, Pose2(9.0, 9.0, 0.0))
     localizer.add(still(2, odometry=Pose2(0.4, 0.0, 0.0)))
-    assert [c.probability for c in localizer.candidates] == pytest.approx(
-        [0.8 / 1.01, 0.2 / 1.01, 0.01 / 1.01]
-    )
+    expected = np.array([0.8, 0.2, 0.01]) / 1.01
+    assert [c.probability for c in localizer.candidates] == pytest.approx(expected)
 
 
 def test_a_pose_that_the_map_does_not_explain_is_not_found_however_alone(guided):

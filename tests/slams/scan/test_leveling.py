@@ -53,21 +53,17 @@ def replayed(said, seconds=20.0, truth=rocking, speed=DRIVING, lidar=LIDAR):
 
 def test_rotation_turns_by_roll_first_seen_from_the_base_then_by_pitch():
     roll, pitch = 0.3, -0.2
-    about_x = np.array(
-        [[1, 0, 0], [0, math.cos(roll), -math.sin(roll)], [0, math.sin(roll), math.cos(roll)]]
-    )
-    about_y = np.array(
-        [[math.cos(pitch), 0, math.sin(pitch)], [0, 1, 0], [-math.sin(pitch), 0, math.cos(pitch)]]
-    )
+    cos, sin = np.cos((roll, pitch)), np.sin((roll, pitch))
+    about_x = np.array([[1, 0, 0], [0, cos[0], -sin[0]], [0, sin[0], cos[0]]])
+    about_y = np.array([[cos[1], 0, sin[1]], [0, 1, 0], [-sin[1], 0, cos[1]]])
     np.testing.assert_allclose(Attitude(roll, pitch).rotation(), about_y @ about_x, atol=1e-15)
     assert (Attitude(0.1, 0.0).rotation() @ (0, 1, 0))[2] > 0.0  # the left side is up
     assert (Attitude(0.0, 0.1).rotation() @ (1, 0, 0))[2] < 0.0  # the front is down
 
 
-@pytest.mark.parametrize(
-    "attitude", [Attitude(0.2, 0.0), Attitude(0.0, -0.25), Attitude(-0.1, 0.2)]
-)
-def test_a_tilted_scan_ends_on_the_walls_and_nowhere_on_the_floor(attitude):
+@pytest.mark.parametrize("tilt", [(0.2, 0.0), (0.0, -0.25), (-0.1, 0.2)])
+def test_a_tilted_scan_ends_on_the_walls_and_nowhere_on_the_floor(tilt):
+    attitude = Attitude(*tilt)
     points = EndPoints(ScanParams()).read(scan(0.0, attitude), IDENTITY)
     assert points.n > 100 and off_the_walls(points) < 1e-5
     x, y, _ = attitude.rotation() @ (LIDAR.mount.x, LIDAR.mount.y, HEIGHT)
