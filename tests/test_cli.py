@@ -130,11 +130,16 @@ def test_compare_on_given_logs(log_file, tmp_path):
 
 
 def test_compare_goes_on_when_an_algorithm_raises_or_dies(log_file, tmp_path, monkeypatch):
-    code = "import os\nfrom slams.baselines import Odometry\n"
-    ends = {"Dying": "os._exit(1)", "Faulty": "raise ZeroDivisionError('on purpose')"}
-    for name, end in ends.items():
-        code += f"class {name}(Odometry):\n    def update(self, scan):\n        {end}\n"
-    (tmp_path / "faulty.py").write_text(code)
+    (tmp_path / "faulty.py").write_text(
+        "import os\n"
+        "from slams.baselines import Odometry\n"
+        "class Dying(Odometry):\n"
+        "    def update(self, scan):\n"
+        "        os._exit(1)\n"
+        "class Faulty(Odometry):\n"
+        "    def update(self, scan):\n"
+        "        raise ZeroDivisionError('on purpose')\n"
+    )
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), str(ROOT)]))
     names = ["odometry", "faulty:Faulty", "faulty:Dying"]
     words = [log_file, "--algorithms", *names, "--jobs", "1", "--out", "c"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.sparse.csgraph import dijkstra
 
-from bench.sim import routes
+from bench.sim import furniture, routes
 from bench.sim.drive import Robot, drive
 from bench.sim.places import EveryNode, largest_part, nodes_of, price, route_of
 from bench.sim.regions import Regions
@@ -39,6 +39,24 @@ def around(world, points, beams=360):
     angles = np.linspace(0.0, 2.0 * math.pi, beams, endpoint=False)
     rays = np.column_stack([np.repeat(points, beams, axis=0), np.tile(angles, len(points))])
     return world.cast(rays).reshape(-1, beams)
+
+
+MAKERS = [
+    furniture.desk, furniture.cupboard, furniture.table, furniture.bin_or_plant, furniture.copier,
+    furniture.pallets, furniture.crates, furniture.machine,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("make", MAKERS)
+def test_furniture_stands_in_its_footprint_and_fills_it(make):
+    for seed in range(20):
+        piece = make(np.random.default_rng(seed))
+        for quarters in range(4):
+            outlines = np.vstack(piece.at(3.0, -2.0, quarters))
+            low = outlines.min(axis=0) - (3.0, -2.0)
+            high = outlines.max(axis=0) - (3.0, -2.0) - piece.sides(quarters)
+            assert np.maximum(-low, high).max() < 0.15
+            assert np.maximum(low, -high).max() < 0.5
 
 
 @pytest.mark.parametrize(("name", "seed"), CASES)

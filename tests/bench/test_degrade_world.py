@@ -241,14 +241,14 @@ def test_odometry_leaps_once():
 
 
 def test_somebody_before_a_laser_of_one_beam_walks_to_and_fro_along_it():
-    sensors, angles = np.zeros((400, 3)), np.zeros(1)
+    sensors, angles = np.full((400, 3), (50.0, 0.0, 0.0)), np.zeros(1)
     ranges = np.full((400, 1), 2.3, np.float32)
     ranges.flags.writeable = False
     out, strides = np.empty((400, 2)), np.full(400, 0.05)
     stroll(sensors, ranges, angles, strides, MIN_PERSON_DISTANCE, np.random.default_rng(0), out)
     assert np.abs(out[:, 1]).max() == 0.0
-    assert MIN_PERSON_DISTANCE <= out[:, 0].min() < MIN_PERSON_DISTANCE + 0.3
-    assert 1.7 < out[:, 0].max() <= 2.0 + 1e-6
+    assert MIN_PERSON_DISTANCE <= out[:, 0].min() - 50.0 < MIN_PERSON_DISTANCE + 0.3
+    assert 1.7 < out[:, 0].max() - 50.0 <= 2.0 + 1e-6
     went = np.abs(np.diff(out[:, 0]))
     assert went.max() == pytest.approx(0.05) and np.median(went) == pytest.approx(0.05)
     plain_python = np.empty_like(out)

@@ -3,6 +3,7 @@
 import json
 import pickle
 import re
+import shutil
 from urllib.parse import unquote
 
 import numpy as np
@@ -11,6 +12,7 @@ from matplotlib.figure import Figure
 
 from bench import results
 from bench.report import figures, palette
+from bench.report.html import document
 from bench.report.pareto import Point
 from bench.report.tables import OVER_LOGS_TITLE, logs_table
 from bench.report.text import terminal
@@ -46,6 +48,9 @@ def test_ten_runs_have_ten_colors_and_the_bars_are_not_all_in_the_first_class(dr
     (bars,) = drawn[0].axes
     assert len({box[0].get_facecolor() for box in bars.containers}) == len(names)
     assert max(bar.get_height() for box in bars.containers for bar in box) < 0.5
+    ticks = [text.get_text() for text in bars.get_xticklabels()]
+    assert ticks[:2] == ["0", "0.2"]
+    assert ticks[-1].startswith("≥ ")
 
 
 @pytest.mark.parametrize(
@@ -138,6 +143,14 @@ def test_several_logs_get_one_table_and_one_page(made):
     assert (folder / "table-logs.csv").read_text().startswith("algorithm,logs,")
     names = {path.name for path in (folder / "2-room").iterdir()}
     assert {"report.html", "tables.md", "errors-odometry.csv"} <= names
+
+
+def test_what_is_significant_over_the_logs_is_on_their_page(made, tmp_path):
+    folder, found = made
+    shutil.copy(folder / "fig_errors.png", tmp_path)
+    said = found._replace(over_logs=[{"sentence": "odometry is more accurate"}])
+    document.write_joint(tmp_path, said, ["1-room", "2-room"])
+    assert "odometry is more accurate" in (tmp_path / "report.html").read_text()
 
 
 def test_every_figure_is_in_the_results(made):

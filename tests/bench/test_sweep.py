@@ -18,12 +18,29 @@ from tests.rooms import drive
 
 
 def trial(algorithm="a", level=0.0, log="l0", odometry=False, **more):
-    known = {"algorithm": algorithm, "log": log, "place": "room", "seed": 0, "odometry": odometry}
-    known |= {"degradation": "noise" if level else "clean", "level": level, "used": ["laser"]}
-    known |= {"duration_s": 10.0, "ate_m": 0.01, "second_m": 0.001, "lost": False}
-    known |= dict.fromkeys(("scans", "right_scans"), 100)
-    known |= dict.fromkeys(("episodes", "said_in_time", "false_alarms"), 0)
-    return known | dict.fromkeys(("failed", "right_again", "wheels_ate_m")) | more
+    known = {
+        "algorithm": algorithm,
+        "log": log,
+        "place": "room",
+        "seed": 0,
+        "degradation": "noise" if level else "clean",
+        "level": level,
+        "odometry": odometry,
+        "failed": None,
+        "used": ["laser"],
+        "scans": 100,
+        "duration_s": 10.0,
+        "ate_m": 0.01,
+        "second_m": 0.001,
+        "lost": False,
+        "right_again": None,
+        "episodes": 0,
+        "said_in_time": 0,
+        "right_scans": 100,
+        "false_alarms": 0,
+        "wheels_ate_m": None,
+    }
+    return known | more
 
 
 def lost(**more):

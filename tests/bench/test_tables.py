@@ -3,7 +3,7 @@
 import pytest
 
 from bench.report import tables, words
-from bench.report.lines import cell
+from bench.report.lines import cell, line
 from bench.results import Comparison, LogResult, Outcome, Reference
 
 
@@ -52,6 +52,23 @@ def test_the_one_table_has_error_loss_and_cost_in_their_units():
     costs = {"CPU [ms]": 0.5, "memory [MB]": 70.0, "start-up [s]": 0.25}
     assert table.loc["a"].to_dict() == errors | costs | {"used": "laser"}
     assert table.loc["b (lost)", "lost"] == "after 4 s"
+
+
+def test_the_papers_tables_have_the_error_per_update_in_meters_and_radians():
+    figures = {"mean": 0.25, "std": 0.5, "min": 0.125, "max": 1.0}
+    kinds = {"translation_m": figures, "orientation_rad": {k: 2.0 * v for k, v in figures.items()}}
+    one = row()
+    one["errors"]["spans"]["update"] = kinds
+    for kind, found in kinds.items():
+        names = ("mean", "deviation", "min", "max")
+        expected = dict(zip(names, found.values(), strict=True))
+        assert line(one, tables._update(kind)) == expected
+
+
+def test_relations_are_in_meters_and_radians_with_their_number():
+    errors = {"translation_m": {"mean": 0.5, "std": 0.25}, "rotation_rad": {"mean": 2, "std": 1}}
+    found = line(row(relations={"loops": errors | {"used": 7}}), tables._relations("loops", "l "))
+    assert found == {"l [m]": 0.5, "l ± [m]": 0.25, "l [rad]": 2, "l ± [rad]": 1, "l relations": 7}
 
 
 def test_without_a_truth_the_one_table_has_what_stands_for_it():

@@ -5,14 +5,20 @@ import math
 import numpy as np
 import pytest
 
-import crsm
 from bench.sim.degrade import degrade
 from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
 from crsm import match_kernels
 from crsm.map_kernels import add_walls
 from crsm.match_kernels import WeightedPrior, climb, fitness, score
-from crsm.matcher import FIRST_RESTART_STEP, FIRST_STEP, LAST_STEP, MEAN_FITNESS_SCANS, Matcher
+from crsm.matcher import (
+    FIRST_RESTART_STEP,
+    FIRST_STEP,
+    LAST_STEP,
+    LAST_STEP_BEFORE_LINES,
+    MEAN_FITNESS_SCANS,
+    Matcher,
+)
 from slams.frontend.motion_filter import Prediction
 from slams.jit import njit
 from slams.scan.end_points import pose_distance
@@ -114,7 +120,7 @@ def test_a_fit_to_lines_follows_a_rough_climb_and_weighs_it(monkeypatch):
     rough = Matcher(Parameters(), slam._map).climb(view, IDENTITY, expecting(IDENTITY, 0.1))
     alone = Matcher(Parameters(refine=False), slam._map)
     found = alone.climb(view, IDENTITY, expecting(IDENTITY, 0.1))
-    assert [finest for *_, finest in made] == [crsm.matcher.LAST_STEP_BEFORE_LINES, LAST_STEP]
+    assert [finest for *_, finest in made] == [LAST_STEP_BEFORE_LINES, LAST_STEP]
     assert not rough.information.any()
     seen = view.information(found.pose.theta) * found.inlier_ratio
     assert found.information == pytest.approx(seen)

@@ -8,12 +8,24 @@ from crsm.original import Original, OriginalParams
 from crsm.original import map_kernels as byte_map
 from crsm.original import match_kernels as lattice
 from crsm.original import scan_kernels as picker
+from crsm.original.map import FOOTPRINT_VALUE, ByteMap
 from slams.jit import njit
-from slams.types import IDENTITY
+from slams.types import IDENTITY, Pose2
 from tests.crsm import naive
 from tests.rooms import ROOM, cast, laser
 
 LASER = laser(361)
+
+
+def test_the_robots_footprint_is_free_at_the_start():
+    params = OriginalParams(robot_width=0.4, robot_length=0.6)
+    grid = ByteMap(params)
+    grid.draw_footprint(Pose2(0.2, 0.0, 0.0))
+    rows, columns = np.nonzero(grid.cells == FOOTPRINT_VALUE)
+    x, y = (int(v) for v in grid.origin)
+    w, h, back = (int(v / params.cell / 2 + 1e-9) for v in (0.6, 0.4, 0.4))
+    assert (columns.min(), columns.max()) == (x - back - w, x - back + w - 1)
+    assert (rows.min(), rows.max()) == (y - h, y + h - 1)
 
 
 @pytest.mark.parametrize("level", [100.0, 5.0, -3.0])

@@ -5,8 +5,9 @@ import pytest
 
 from gmapping.original import Original, OriginalParams
 from gmapping.original.map import HitMap
-from gmapping.original.match_kernels import hill_climb, log_likelihood, score
+from gmapping.original.match_kernels import hill_climb, log_likelihood, nearest, score
 from gmapping.original.scan import end_points
+from gmapping.tile_kernels import cell_of
 from slams.types import IDENTITY, Laser, Pose2, Scan
 from tests.gmapping import naive
 from tests.gmapping.scenes import CLIMB, LASER, seen
@@ -29,6 +30,15 @@ def test_score_and_likelihood_equal_the_naive_twin(hits):
     assert score(tiles, 0, pose, points, 0.05, -1.0) == pytest.approx(expected, rel=1e-5)
     expected = naive.log_likelihood(cells, there, 0.05, 0.075, 0.5)
     assert log_likelihood(tiles, 0, pose, points, CLIMB) == pytest.approx(expected, rel=1e-5)
+
+
+def test_the_nearest_hit_is_that_of_the_cells_around(hits):
+    tiles, points = hits
+    cells = naive.hit_map(points, 0.05)
+    for x, y in np.random.default_rng(2).uniform(-0.6, 0.6, (200, 2)):
+        expected = naive.nearest2(cells, np.array((x, y)), 0.05)
+        found = nearest(tiles, 0, cell_of(x, 0.05), cell_of(y, 0.05), x, y)
+        assert found == pytest.approx(math.inf if expected is None else expected, abs=1e-6)
 
 
 def test_the_climb_stops_at_the_finest_step_and_never_gets_worse(hits):

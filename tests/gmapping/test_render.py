@@ -54,6 +54,15 @@ def test_a_snapshot_stays_as_it_is_and_a_part_is_cut_to_what_was_observed():
     assert part.p.tolist() == [[0.0] * 5 + [1.0]] and part.origin == pytest.approx((0.45, -0.05))
 
 
+def test_a_cell_with_the_least_share_of_hits_of_a_wall_is_as_likely_free():
+    renderer = Renderer(EDGE, 0.25, 1 << 20)
+    for x in (1.0, 2.0, 2.0, 2.0):
+        renderer.add_keyframe(np.array([[x, 0.0], [0.0, 0.0]]), IDENTITY)
+    row = renderer.snapshot(np.zeros((4, 3)))().p[0]
+    assert row[10] == pytest.approx(0.5)
+    assert row[20] == 1.0
+
+
 def test_three_beams_that_end_elsewhere_make_a_cell_free():
     """Fewer may have been above what stands there."""
     visits = np.array([[0, 1, 2, 3, 20, 20]], np.int32)

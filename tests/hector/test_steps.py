@@ -5,9 +5,13 @@ import math
 import numpy as np
 import pytest
 
-import hector.map
 from hector import HectorParams, match_kernels
-from hector.map import LEVEL_TOLERANCE, MIN_RESIDUAL_VARIANCE, LogOddsPyramid
+from hector.map import (
+    LEVEL_TOLERANCE,
+    MIN_RESIDUAL_VARIANCE,
+    TOLERANCE_BEFORE_LINES,
+    LogOddsPyramid,
+)
 from hector.match_kernels import Solver, gauss_newton, normal_equations
 from slams.geometry import Prior
 from slams.refine.line_kernels import View, line_equations
@@ -119,8 +123,7 @@ def test_scans_of_many_beams_are_matched_to_the_pyramid_by_a_part_of_them(n, ref
     solvers = [Solver(*one) for one in LogOddsPyramid(params)._solvers(n // MIN_USED_BEAMS)]
     assert [solver.stride for solver in solvers] == strides
     for level, (solver, stride) in enumerate(zip(solvers, strides, strict=True)):
-        coarse = refine and stride > 1
-        relative = hector.map.TOLERANCE_BEFORE_LINES if coarse else LEVEL_TOLERANCE
+        relative = TOLERANCE_BEFORE_LINES if refine and stride > 1 else LEVEL_TOLERANCE
         exact = not refine and level == 0
         expected = params.converged if exact else relative * 0.05 * 2**level
         assert solver.tolerance == pytest.approx(expected)

@@ -30,6 +30,10 @@ def test_pose_score_equals_the_naive_twin_and_stops_when_it_cannot_win():
     assert best > 0.7 * len(elements)
     wrong = pose + np.array([0.5, 0.6, 0.4])
     assert score_pose(kernel, elements, len(elements), wrong, rule, best) <= best
+    alone = [score_pose(kernel, one[None], 1, pose, rule, -np.inf) for one in elements]
+    rising = elements[np.argsort(alone)]  # the last ones can still win
+    found = score_pose(kernel, rising, len(rising), pose, rule, sum(alone) - 0.01)
+    assert found == pytest.approx(sum(alone))
 
 
 def test_the_best_pair_equals_the_naive_twin_within_the_limits():

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from slams.types import IDENTITY
+from slams.types import IDENTITY, Pose2
 from tests.rooms import ROOM, box, cast, laser, scan_at
 from tests.tsd import naive as naive_tsd
 from tests.tsd.cases import RULE, default, field_of, read, sums_of
@@ -125,6 +125,25 @@ def test_an_isolated_hit_between_distant_beams_has_no_normal():
         field, rows = field_of(max_weight=100.0).kernel, np.zeros((999, 4))
         rule = PushRule(0.15, 100.0, lidar.angle_increment)
         assert not alone or list_rows(field, lines, 1, rule, rows) == 0
+
+
+def test_surfaces_are_placed_in_the_map_with_the_incidence_of_their_beams():
+    beams, points, count, sums = read(cast(ROOM, IDENTITY, laser(181)), laser(181))
+    firsts, out, lines = np.zeros(count + 1), np.zeros((count, 8)), np.zeros((count, 7))
+    find_runs(points, count, beams, RULE, firsts)
+    n = fit_surfaces(points, count, sums, firsts, beams, RULE, 0.0, out)
+    pose = Pose2(1.0, -2.0, 0.7)
+    bounds = place_lines(out, n, firsts, beams, np.array(pose), lines)
+    at, normals = out[:n, :2], out[:n, 2:4]
+    to_laser = np.array((beams.mount_x, beams.mount_y)) - at
+    ranges = np.hypot(*to_laser.T)
+    cosines = np.maximum((to_laser * normals).sum(axis=1) / ranges, 0.1)
+    placed = pose.transform(at)
+    np.testing.assert_allclose(lines[:n, :2], placed)
+    np.testing.assert_allclose(lines[:n, 2:4], Pose2(0.0, 0.0, 0.7).transform(normals))
+    np.testing.assert_allclose(lines[:n, 4], cosines)
+    np.testing.assert_allclose(lines[:n, 5], ranges * out[:n, 6])
+    assert bounds == pytest.approx((*placed.min(axis=0), *placed.max(axis=0)))
 
 
 def test_lines_half_a_cell_apart_make_the_field_that_every_hit_makes(monkeypatch):

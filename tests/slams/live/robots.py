@@ -16,6 +16,7 @@ from slams.live.options import NodeOptions, Quality, topic_names
 from slams.live.recorder import Recorder
 from slams.live.robot import Robot
 from slams.player import replay
+from slams.ros import messages
 from slams.ros.maker import Maker
 from slams.ros.messages import IMU_TYPE, ODOMETRY_TYPE, SCAN_TYPE, TF_TYPE, Record, typestore
 from slams.scanlog import TimeSeries
@@ -208,7 +209,7 @@ def scan_record(t, topic="/scan"):
 
 
 def planar(where, rotation):
-    return Pose2(where.x, where.y, slams.ros.messages.yaw_of(rotation))
+    return Pose2(where.x, where.y, messages.yaw_of(rotation))
 
 
 def close(a, b):

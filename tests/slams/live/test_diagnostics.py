@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from slams.live import diagnostics
-from slams.live.diagnostics import COUNT_MESSAGES, REPORT_PERIOD, Diagnostics, Terminal
+from slams.live.diagnostics import (
+    COUNT_MESSAGES,
+    REPORT_PERIOD,
+    SCAN_TIMEOUT,
+    Diagnostics,
+    Terminal,
+)
 from slams.live.estimate import Estimate
 from slams.live.node import Drive
 from slams.live.scans import ScanQueue
@@ -48,7 +54,7 @@ def test_a_laser_that_is_unplugged_is_reported_every_period_until_it_comes_back(
     sentence = "no scan on /scan for {} s: is the laser unplugged?"
     assert stand.all == [sentence.format(3), sentence.format(14)]
     stand.last["/scan"] = stand.now + 10.0
-    stand.now += REPORT_PERIOD + 0.5 * diagnostics.SCAN_TIMEOUT
+    stand.now += REPORT_PERIOD + 0.5 * SCAN_TIMEOUT
     assert "/scan" not in "".join(stand.reported())
 
 
