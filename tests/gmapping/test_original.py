@@ -6,6 +6,7 @@ import pytest
 from gmapping.original import Original, OriginalParams
 from gmapping.original.map import HitMap
 from gmapping.original.match_kernels import hill_climb, log_likelihood, nearest, score
+from gmapping.original.motion import Motion
 from gmapping.original.scan import end_points
 from gmapping.tile_kernels import cell_of
 from slams.types import IDENTITY, Laser, Pose2, Scan
@@ -86,6 +87,13 @@ def test_a_range_counts_from_range_min_up_to_below_the_longest():
     np.testing.assert_allclose(np.hypot(*points.T), [0.1, 2.0, 29.0], rtol=1e-6)
     assert far == pytest.approx(29.0)
     assert len(end_points(Scan(0.0, ranges, laser), 0.0, 2.0)[0]) == 1
+
+
+def test_motions_by_odometry_and_gyro_are_counted():
+    motion, ranges = Motion(OriginalParams()), np.ones(LASER.n_beams, np.float32)
+    for k in range(3):
+        motion.step(Scan(0.1 * k, ranges, LASER, Pose2(0.1 * k, 0.0, 0.0), 0.1 * k))
+    assert motion.used == {"odometry": 2, "gyro": 2, "odometry_jumps": 0}
 
 
 def test_a_robot_at_rest_gets_no_noise_from_the_original():

@@ -9,6 +9,7 @@ from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
 from slams import info
 from slams.formats.options import SourceOptions
+from slams.laser_table import silent_lasers
 from slams.player import replay
 from slams.registry import find
 from slams.scanlog import load_npz
@@ -73,3 +74,16 @@ def test_every_algorithm_maps_by_both_and_reports_a_rear_laser_that_fails(name, 
     assert errors["ate_m"] < 0.03 and not run.says_lost.any()
     text = as_text(summarize(run, dying, name, params, 0.0))
     assert "laser 1 sent no scan after 9.9 s" in text
+
+
+@pytest.mark.parametrize(
+    ("period", "last", "is_silent"),
+    [(0.1, 16.0, True), (0.1, 18.0, False), (1.0, 12.0, False), (1.0, 8.0, True), (1.0, 0.0, True)],
+)
+def test_a_laser_is_silent_after_three_seconds_or_ten_of_its_intervals(period, last, is_silent):
+    own = np.arange(0.0, last + 1e-6, period)
+    stamps = np.concatenate([own, np.linspace(0.0, 20.0, 201)])
+    number = np.repeat((1, 0), (len(own), 201))
+    found = silent_lasers(stamps, number, 2)
+    assert [one["laser"] for one in found] == [1] * is_silent
+    assert [one["last_s"] for one in found] == pytest.approx([last] * is_silent)

@@ -9,7 +9,8 @@ from slams.frontend import filter_kernels as kernels
 from slams.frontend import update_kernels
 from slams.frontend.degeneracy import FULLY_OBSERVED, Observability
 from slams.frontend.filter_kernels import GYRO
-from slams.frontend.motion_filter import MIN_MATCH_STD, MotionFilter
+from slams.frontend.motion_filter import ACCELERATION_DENSITY as DENSITY
+from slams.frontend.motion_filter import HANDHELD_LATERAL_DENSITY, MIN_MATCH_STD, MotionFilter
 from slams.frontend.params import FrontendParams
 from slams.types import IDENTITY, Laser, Pose2, Scan
 
@@ -140,6 +141,16 @@ def test_a_constant_twist_is_learned():
         before, pose = pose, pose @ step
     assert math.hypot(prior.pose.x - before.x, prior.pose.y - before.y) < 5e-4
     assert prior.twist[::2] == pytest.approx((0.5, 0.2), abs=0.01)
+
+
+def test_only_the_lateral_acceleration_of_a_laser_without_wheels_is_that_of_a_hand():
+    held, driven = MotionFilter(FrontendParams()), MotionFilter(FrontendParams())
+    held.predict(scan(0.0))
+    driven.predict(scan(0.0, IDENTITY))
+    lateral = [HANDHELD_LATERAL_DENSITY if axis == 1 else v for axis, v in enumerate(DENSITY)]
+    for motion, expected in ((held, lateral), (driven, DENSITY)):
+        np.testing.assert_array_equal(motion._default_density, expected)
+        np.testing.assert_array_equal(motion._learned[0, :3], expected)
 
 
 def test_a_jerk_fades_within_half_a_second():

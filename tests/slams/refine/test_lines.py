@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from slams.geometry import Prior
+from slams.refine import lines as lines_module
 from slams.refine.line_cell_kernels import Hits, LineUpdate, add_hits, add_scan, add_to_cell
-from slams.refine.line_kernels import View, line_equations
-from slams.refine.lines import MIN_FIRST_CONFIDENCE, LineMap, Match
+from slams.refine.line_kernels import Fit, View, line_equations
+from slams.refine.lines import MAX_BEAM_STRIDE, MIN_FIRST_CONFIDENCE, LineMap, Match
 from slams.refine.params import RefineParams
 from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Pose2
-from tests.rooms import NOTHING, laser, scan_at
+from tests.rooms import NOTHING, calls, laser, scan_at
 
 LIDAR = laser(721)
 SIZE, CELL = 240, 0.05
@@ -94,6 +95,15 @@ def test_information_is_in_units_of_the_variance_that_is_learned():
     assert lines.variance == match.mean_square > points.noise**2
     lines.learn_variance(match._replace(mean_square=0.0), points)
     assert lines.variance == points.noise**2
+
+
+def test_a_close_start_uses_all_beams_at_once(monkeypatch):
+    lines, points = mapped()
+    made = calls(monkeypatch, lines_module, "fit")
+    for close in (True, False):
+        lines.fit(points, IDENTITY, Prior(IDENTITY, 1e12 * np.eye(3)), close)
+    strides = [Fit(*settings).stride for *_, settings, _ in made]
+    assert strides == [1, MAX_BEAM_STRIDE]
 
 
 def test_a_conflict_is_an_end_point_in_a_free_cell_without_a_line():
