@@ -55,7 +55,7 @@ def test_furniture_stands_in_its_footprint_and_fills_it(make):
             outlines = np.vstack(piece.at(3.0, -2.0, quarters))
             low = outlines.min(axis=0) - (3.0, -2.0)
             high = outlines.max(axis=0) - (3.0, -2.0) - piece.sides(quarters)
-            assert np.maximum(-low, high).max() < 0.15
+            assert np.maximum(-low, high).max() < 0.05
             assert np.maximum(low, -high).max() < 0.5
 
 
