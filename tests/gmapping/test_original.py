@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -87,6 +88,15 @@ def test_a_range_counts_from_range_min_up_to_below_the_longest():
     np.testing.assert_allclose(np.hypot(*points.T), [0.1, 2.0, 29.0], rtol=1e-6)
     assert far == pytest.approx(29.0)
     assert len(end_points(Scan(0.0, ranges, laser), 0.0, 2.0)[0]) == 1
+
+
+@pytest.mark.parametrize("threshold", [0.0, 1.0])
+def test_the_original_resamples_below_a_share_of_effective_particles(threshold):
+    slam = Original(OriginalParams(n_particles=5, max_tiles=500, resample_threshold=threshold))
+    for pose in (IDENTITY, Pose2(1.1, 0.0, 0.0)):  # far enough for a keyframe
+        slam.update(replace(seen(pose), odometry=pose))
+    assert slam.report()["inserted"] == 2
+    assert slam.report()["resampled"] == threshold
 
 
 def test_motions_by_odometry_and_gyro_are_counted():
