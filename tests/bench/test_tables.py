@@ -60,9 +60,8 @@ def test_the_papers_tables_have_the_error_per_update_in_meters_and_radians():
     one = row()
     one["errors"]["spans"]["update"] = kinds
     for kind, found in kinds.items():
-        names = ("mean", "deviation", "min", "max")
-        expected = dict(zip(names, found.values(), strict=True))
-        assert line(one, tables._update(kind)) == expected
+        expected = zip(("mean", "deviation", "min", "max"), found.values(), strict=True)
+        assert line(one, tables._update(kind)) == dict(expected)
 
 
 def test_relations_are_in_meters_and_radians_with_their_number():

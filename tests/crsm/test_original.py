@@ -18,12 +18,11 @@ LASER = laser(361)
 
 
 def test_the_robots_footprint_is_free_at_the_start():
-    params = OriginalParams(robot_width=0.4, robot_length=0.6)
-    grid = ByteMap(params)
+    grid = ByteMap(OriginalParams(robot_width=0.4, robot_length=0.6))
     grid.draw_footprint(Pose2(0.2, 0.0, 0.0))
     rows, columns = np.nonzero(grid.cells == FOOTPRINT_VALUE)
     x, y = (int(v) for v in grid.origin)
-    w, h, back = (int(v / params.cell / 2 + 1e-9) for v in (0.6, 0.4, 0.4))
+    w, h, back = (int(v / grid.params.cell / 2 + 1e-9) for v in (0.6, 0.4, 0.4))
     assert (columns.min(), columns.max()) == (x - back - w, x - back + w - 1)
     assert (rows.min(), rows.max()) == (y - h, y + h - 1)
 

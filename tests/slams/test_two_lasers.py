@@ -83,7 +83,6 @@ def test_every_algorithm_maps_by_both_and_reports_a_rear_laser_that_fails(name, 
 def test_a_laser_is_silent_after_three_seconds_or_ten_of_its_intervals(period, last, is_silent):
     own = np.arange(0.0, last + 1e-6, period)
     stamps = np.concatenate([own, np.linspace(0.0, 20.0, 201)])
-    number = np.repeat((1, 0), (len(own), 201))
-    found = silent_lasers(stamps, number, 2)
+    found = silent_lasers(stamps, np.repeat((1, 0), (len(own), 201)), 2)
     assert [one["laser"] for one in found] == [1] * is_silent
     assert [one["last_s"] for one in found] == pytest.approx([last] * is_silent)

@@ -10,7 +10,12 @@ from slams.frontend import update_kernels
 from slams.frontend.degeneracy import FULLY_OBSERVED, Observability
 from slams.frontend.filter_kernels import GYRO
 from slams.frontend.motion_filter import ACCELERATION_DENSITY as DENSITY
-from slams.frontend.motion_filter import HANDHELD_LATERAL_DENSITY, MIN_MATCH_STD, MotionFilter
+from slams.frontend.motion_filter import (
+    HANDHELD_LATERAL_DENSITY,
+    MIN_MATCH_STD,
+    STAMP_STD,
+    MotionFilter,
+)
 from slams.frontend.params import FrontendParams
 from slams.types import IDENTITY, Laser, Pose2, Scan
 
@@ -48,24 +53,25 @@ def test_one_reading_is_fused_as_the_textbook_does():
     np.testing.assert_allclose(P, expected_P, atol=1e-12)
 
 
-def test_a_reading_far_off_leaves_the_mixture_of_both_along_its_axis():
+@pytest.mark.parametrize(("row", "axis"), [(0, 0), (1, 1), (2, 2), (GYRO, 2)])
+def test_a_reading_far_off_leaves_the_mixture_of_both_along_its_axis(row, axis):
     _, start = state(np.random.default_rng(2))
-    step, twist, variance = kernels.STEP, kernels.TWIST, 0.01
+    step, twist, variance = kernels.STEP + axis, kernels.TWIST + axis, 0.01
     buffer, readings = np.zeros((3, kernels.N)), np.zeros((4, 7))
     buffer[2, step] = 1.0
     for residual in (0.02, 3.0):
         P, z = start.copy(), np.zeros(kernels.N)
-        readings[0, kernels.USED_VARIANCE] = variance
-        kernels.inflate(P, 0, residual**2, readings, buffer)
-        assert P[step + 2, step + 2] == start[step + 2, step + 2]
+        readings[row, kernels.USED_VARIANCE] = variance
+        kernels.inflate(P, row, residual**2, readings, buffer)
+        others = [k for k in range(kernels.N) if k not in (step, twist)]
+        np.testing.assert_array_equal(P[others], start[others])
         rest = [Q[twist, twist] - Q[twist, step] ** 2 / Q[step, step] for Q in (start, P)]
         assert rest[1] == pytest.approx(rest[0]), "a match of the step decides about the twist"
-        kernels.fuse(z, P, buffer[2], residual, readings[0, kernels.USED_VARIANCE], buffer)
+        kernels.fuse(z, P, buffer[2], residual, readings[row, kernels.USED_VARIANCE], buffer)
         gain = start[step, step] / (start[step, step] + variance)
         apart = residual if residual > 1.0 else 0.0
         assert z[step] == pytest.approx(gain * residual)
-        mixture = (1.0 - gain) * (start[step, step] + gain * apart**2)
-        assert P[step, step] == pytest.approx(mixture)
+        assert P[step, step] == pytest.approx((1.0 - gain) * (start[step, step] + gain * apart**2))
 
 
 @pytest.mark.parametrize("theta", [0.0, 2.0, -3.1])
@@ -177,12 +183,14 @@ def test_wheels_that_stall_lose_their_weight():
     assert stalled._learned[1, 0] > 10.0 * trusted._learned[1, 0]
 
 
-def test_wheels_that_stop_at_once_have_the_noise_of_the_predicted_step():
+@pytest.mark.parametrize(("axis", "step"), [(0, Pose2(0.05, 0.0, 0.0)), (2, Pose2(0.0, 0.0, 0.1))])
+def test_wheels_that_stop_at_once_have_the_noise_of_the_predicted_step(axis, step):
     motion, pose, variances = MotionFilter(FrontendParams()), IDENTITY, []
     for k in range(40):
-        pose = pose @ Pose2(0.05, 0.0, 0.0) if k < 10 else pose
+        pose = pose @ step if k < 10 else pose
         motion.predict(scan(0.1 * k, pose))
-        variances.append(motion._readings[0, kernels.VARIANCE])
+        stamp = (STAMP_STD * motion._readings[axis, kernels.RATE_CHANGE]) ** 2
+        variances.append(motion._readings[axis, kernels.VARIANCE] - stamp)
         motion.update(pose, SHARP, FULLY_OBSERVED)
     moving, stopping, still = variances[9], variances[10], variances[-1]
     assert stopping > 0.8 * moving

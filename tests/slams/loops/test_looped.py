@@ -13,7 +13,13 @@ from bench.sim.setting import Setting
 from bench.sim.simulation import simulate
 from slams import metrics
 from slams.loops import LoopEdge, PoseGraph
-from slams.loops.detector import LOCAL_MAP_RADIUS, LoopDetector, Query, VerifiedMatch
+from slams.loops.detector import (
+    LOCAL_MAP_RADIUS,
+    MAX_UNMATCHED_KEYFRAMES,
+    LoopDetector,
+    Query,
+    VerifiedMatch,
+)
 from slams.loops.matching import SearchResult, keyframe
 from slams.loops.slam import MIN_CORRECTION, Redraw, looped
 from slams.player import replay
@@ -294,7 +300,7 @@ def test_a_hypothesis_is_dropped_but_not_by_corridors(off, score, is_observed, s
 
     detector._local_map = lambda middle: SimpleNamespace(search=search)
     detector._verify = lambda edge, *_: VerifiedMatch(edge, 0.5, is_observed)
-    for _ in range(2 * slams.loops.detector.MAX_UNMATCHED_KEYFRAMES):
+    for _ in range(2 * MAX_UNMATCHED_KEYFRAMES):
         assert detector.work() == []
     assert bool(detector._hypothesis) == stays
 
