@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from gmapping.tile_kernels import TILE_CELLS, TILE_SIDE, Tiles, inherit
 from slams.cells import GridStorage, move, zeros
@@ -38,10 +38,10 @@ class TileMap:
         self._storage = GridStorage(max_cells, resolution, TILE_SIDE)
         self.tiles = Tiles(
             cells=zeros((max_tiles + 1, TILE_CELLS, n_values), np.float32),
-            tables=self._tables(n_particles, layers),
+            tables=self._table(np.int32, n_particles, layers),
             references=np.zeros(max_tiles + 1, np.int32),
             free=np.concatenate([[max_tiles], np.arange(max_tiles, 0, -1)]).astype(np.int32),
-            window=np.array((0, 0, -1, -1)),
+            written=self._table(np.bool_),
             corner_x=self._storage.x0 // TILE_SIDE,
             corner_y=self._storage.y0 // TILE_SIDE,
             resolution=resolution,
@@ -71,19 +71,20 @@ class TileMap:
         low, high = poses[:, :2].min(axis=0) - radius, poses[:, :2].max(axis=0) + radius
         if not self.bounds.admits(Box(*low.tolist(), *high.tolist())):
             return
-        edge, old = self.tiles.resolution, self.tiles.tables
+        edge, old = self.tiles.resolution, self.tiles
         added = self._storage.reach(Box(*(low - edge).tolist(), *(high + edge).tolist()))
         if added is None:
             return
         below, left = (cells // TILE_SIDE for cells in added)
-        tables = self._tables(*old.shape[2:])
-        move(old, tables, below, left)
-        x, y = self.tiles.corner_x - left, self.tiles.corner_y - below
-        self.tiles = self.tiles._replace(tables=tables, corner_x=x, corner_y=y)
+        tables, written = self._table(np.int32, *old.tables.shape[2:]), self._table(np.bool_)
+        move(old.tables, tables, below, left)
+        move(old.written, written, below, left)
+        x, y = old.corner_x - left, old.corner_y - below
+        self.tiles = old._replace(tables=tables, written=written, corner_x=x, corner_y=y)
 
-    def _tables(self, n_particles: int, layers: int) -> NDArray[np.int32]:
+    def _table(self, dtype: DTypeLike, *entries: int) -> NDArray[Any]:
         shape = self._storage.height // TILE_SIDE, self._storage.width // TILE_SIDE
-        return zeros((*shape, n_particles, layers), np.int32)
+        return zeros((*shape, *entries), dtype)
 
     def inherit(self, ancestors: NDArray[np.int64]) -> None:
         """Give every particle its ancestor's map without copying tiles; survivors keep theirs."""

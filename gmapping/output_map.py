@@ -10,7 +10,7 @@ import numpy as np
 from gmapping.end_points import EndPointMatcher
 from gmapping.params import GMappingParams
 from gmapping.particles import Particles
-from gmapping.render import Keyframe, Renderer, end_point_field
+from gmapping.render import Keyframe, Renderer
 from gmapping.render_kernels import BeamCounts
 from gmapping.scan import View
 from gmapping.surfaces import MIN_LOOP_PATH_LENGTH, SurfaceMatcher
@@ -65,8 +65,7 @@ class OutputMap(Renderer):
         old = np.flatnonzero(distances < REVISIT_RADIUS).tolist()
         if not old:
             return [], self.counts
-        counts = self.counts_of(old[:: 1 + len(old) // MAX_REVISIT_KEYFRAMES])
-        field = end_point_field(counts)
+        field, counts = self.local_map(old[:: 1 + len(old) // MAX_REVISIT_KEYFRAMES])
         ends, candidates = view.pieces[:, :2].T, []
         observed = scan_observability(view, pose.theta)
         drift = REVISIT_DRIFT_COVARIANCE + self._particles.spread()

@@ -22,19 +22,9 @@ FULL_LIKELIHOOD_HITS = 3.0  # of a coarse cell with likelihood 1
 def empty_counts(first: Sequence[int], size: Sequence[int], resolution: float) -> BeamCounts:
     """Counts without any beam, from cell index x, y on; `size` in cells along x, y."""
     (x0, y0), (width, height) = first, size
-    shapes = (height, width), (height, width), (height >> COARSE_BITS, width >> COARSE_BITS)
-    hits, visits, coarse_hits = (zeros(shape, np.int32) for shape in shapes)
+    hits, visits = (zeros((height, width), np.int32) for _ in range(2))
+    coarse_hits = zeros((height >> COARSE_BITS, width >> COARSE_BITS), np.float32)
     return BeamCounts(hits, visits, coarse_hits, x0, y0, resolution)
-
-
-def end_point_field(counts: BeamCounts) -> LikelihoodField:
-    """Likelihood 1 where beams ended, in cells of twice the edge, for correlative search."""
-    edge, (height, width) = counts.resolution, counts.hits.shape
-    pairs = counts.hits.reshape(height // 2, 2, width // 2, 2)
-    likelihood = np.asarray(pairs.any(axis=(1, 3)), np.float32)
-    return LikelihoodField(
-        likelihood, (counts.x0 + 0.5) * edge, (counts.y0 + 0.5) * edge, 2.0 * edge
-    )
 
 
 class Renderer:
@@ -84,8 +74,8 @@ class Renderer:
         """The part of the drawn map in a box; None if nothing was observed there."""
         return self._occupancy(self._counts_in(self._storage.window(box)))
 
-    def counts_of(self, keyframes: list[int]) -> BeamCounts:
-        """Counts of some keyframes alone, at the poses where they are drawn."""
+    def local_map(self, keyframes: list[int]) -> tuple[LikelihoodField, BeamCounts]:
+        """Likelihood 1 where beams of some keyframes ended, in double cells, and their counts."""
         edge, poses = self.counts.resolution, [Pose2(*self._poses[k].tolist()) for k in keyframes]
         stored = (self._keyframes[k].astype(np.float64) for k in keyframes)
         scans = [pose.transform(scan) for pose, scan in zip(poses, stored, strict=True)]
@@ -94,23 +84,22 @@ class Renderer:
         high = np.ceil(ends.max(axis=0) / edge).astype(np.int64) >> COARSE_BITS
         first, size = low << COARSE_BITS, (high - low + 2) << COARSE_BITS
         counts = empty_counts(first.tolist(), size.tolist(), edge)
+        likelihood = zeros((size[1] // 2, size[0] // 2), np.float32)
         for scan in scans:
             draw(scan, counts, 1)
-        return counts
+            x, y = (np.floor(scan[:-1].T / edge + 0.5).astype(np.int64) - first[:, None]) // 2
+            likelihood[y, x] = 1.0
+        corner = (counts.x0 + 0.5) * edge, (counts.y0 + 0.5) * edge
+        return LikelihoodField(likelihood, *corner, 2.0 * edge), counts
 
     def likelihood_field(self) -> LikelihoodField:
         """Likelihood of walls in coarse cells, for correlative search."""
-        edge, counts = self.counts.resolution * (1 << COARSE_BITS), self.counts
-        (x0, y0), (x1, y1) = self._low - self._corner, self._high - self._corner
-        first_x, first_y = int(x0) >> COARSE_BITS, int(y0) >> COARSE_BITS
-        end_x, end_y = (x1 >> COARSE_BITS) + 1, (y1 >> COARSE_BITS) + 1
-        hits = counts.coarse_hits[first_y:end_y, first_x:end_x]
-        likelihood = np.minimum(hits / np.float32(FULL_LIKELIHOOD_HITS), np.float32(1.0))
+        edge, counts = self.counts.resolution, self.counts
         # from the center of the first cell in a coarse cell to the center of the coarse cell
-        shift = 0.5 * ((1 << COARSE_BITS) - 1) * counts.resolution
-        x = first_x * edge + counts.x0 * counts.resolution + shift
-        y = first_y * edge + counts.y0 * counts.resolution + shift
-        return LikelihoodField(likelihood, x, y, edge)
+        shift = 0.5 * ((1 << COARSE_BITS) - 1)
+        corner = (counts.x0 + shift) * edge, (counts.y0 + shift) * edge
+        coarse = edge * (1 << COARSE_BITS)
+        return LikelihoodField(counts.coarse_hits, *corner, coarse, full=FULL_LIKELIHOOD_HITS)
 
     @property
     def _corner(self) -> NDArray[np.int64]:

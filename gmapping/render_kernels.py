@@ -24,7 +24,7 @@ class BeamCounts(NamedTuple):
 
     hits: NDArray[np.int32]
     visits: NDArray[np.int32]
-    coarse_hits: NDArray[np.int32]
+    coarse_hits: NDArray[np.float32]
     x0: int
     y0: int
     resolution: float

@@ -22,16 +22,16 @@ class Tiles(NamedTuple):
     `cells` (slots, TILE_CELLS, k): k numbers per cell, defined by the matcher; `tables` (ny, nx,
     particles, layers): slot of each tile, 0 = never written; the address space is reserved for the
     largest map, memory is used where it was written; `references` (slots,): number of table entries
-    that point at a slot; `free` (slots,): number of free slots, then these slots; `window` (4,):
-    first x, y and last x, y of the tiles that were written; `corner_x`, `corner_y`: index of
-    tables[0, 0]; `resolution` [m]; `axis_x`, `axis_y`: unit vector, normal of one of the walls.
+    that point at a slot; `free` (slots,): number of free slots, then these slots; `written`
+    (ny, nx): whether any particle ever wrote a tile; `corner_x`, `corner_y`: index of tables[0, 0];
+    `resolution` [m]; `axis_x`, `axis_y`: unit vector, normal of one of the walls.
     """
 
     cells: NDArray[np.float32]
     tables: NDArray[np.int32]
     references: NDArray[np.int32]
     free: NDArray[np.int32]
-    window: NDArray[np.int64]
+    written: NDArray[np.bool_]
     corner_x: int
     corner_y: int
     resolution: float
@@ -80,9 +80,7 @@ def own_slot(tiles: Tiles, particle: int, layer: int, ix: int, iy: int) -> int:
     tiles.references[new] = 1
     tiles.tables[ty, tx, particle, layer] = new
     if old == 0:  # free slots are zero
-        x, y, window = ix >> TILE_BITS, iy >> TILE_BITS, tiles.window
-        window[0], window[1] = min(window[0], x), min(window[1], y)
-        window[2], window[3] = max(window[2], x), max(window[3], y)
+        tiles.written[ty, tx] = True
         return new
     tiles.references[old] -= 1
     for k in range(TILE_CELLS):  # loops: assigning slices takes numba seconds to compile
@@ -98,15 +96,12 @@ def inherit(tiles: Tiles, ancestors: NDArray[np.int64]) -> None:
     ours: table entries are copied, tiles only counted. Where the maps were equal before, nothing is
     done. Freed slots are set to zero: zeros take no space in a saved state.
     """
-    _, _, n, layers = tiles.tables.shape
-    for y in range(tiles.window[1], tiles.window[3] + 1):
-        for x in range(tiles.window[0], tiles.window[2] + 1):
-            entries, any_slot = tiles.tables[y - tiles.corner_y, x - tiles.corner_x], 0
-            for particle in range(n):  # most of a window was never written
-                for layer in range(layers):
-                    any_slot |= entries[particle, layer]
-            if any_slot == 0:
+    height, width, n, layers = tiles.tables.shape
+    for y in range(height):
+        for x in range(width):
+            if not tiles.written[y, x]:
                 continue
+            entries = tiles.tables[y, x]
             for particle in range(n):
                 for layer in range(layers):
                     slot, new = entries[particle, layer], entries[ancestors[particle], layer]

@@ -27,9 +27,10 @@ MIN_HALF_ROTATION = 0.2  # rad, since a doubtful prior must not limit the search
 
 
 class LikelihoodField(NamedTuple):
-    """Likelihood of walls 0..1 (ny, nx), center of cell [0, 0] (x, y) [m], edge of a cell [m].
+    """Likelihood of walls (ny, nx), center of cell [0, 0] (x, y) [m], edge of a cell [m].
 
     `pooled` (ny, nx) and `block`: see `pooled_field`; without them each search pools the cells.
+    Values of `full` and more are a likelihood of 1.
     """
 
     likelihood: NDArray[np.float32]
@@ -38,6 +39,7 @@ class LikelihoodField(NamedTuple):
     resolution: float
     pooled: NDArray[np.float32] | None = None
     block: int = 0
+    full: float = 1.0
 
 
 class Window(NamedTuple):
@@ -115,7 +117,9 @@ def _part(field: LikelihoodField, window: Window, max_range: float) -> Likelihoo
     margin = math.ceil(reach / cell) + 2 * MAX_BLOCK_SIZE
     i, j = max(round(x) - margin, 0), max(round(y) - margin, 0)
     part = np.s_[j : max(round(y) + margin, 0), i : max(round(x) + margin, 0)]
-    likelihood = np.ascontiguousarray(field.likelihood[part])  # so the kernels compile once
+    likelihood = np.array(field.likelihood[part], np.float32)  # so the kernels compile once
+    if field.full != 1.0:
+        likelihood = np.minimum(likelihood / np.float32(field.full), np.float32(1.0))
     pooled = None if field.pooled is None else np.ascontiguousarray(field.pooled[part])
     corner = field.x0 + i * cell, field.y0 + j * cell
     return LikelihoodField(likelihood, *corner, cell, pooled, field.block)
@@ -125,7 +129,7 @@ def _coarse_poses(
     field: LikelihoodField, ends: Floats, window: Window, block: int, need: tuple[float, float]
 ) -> tuple[Floats, int]:
     """First poses (k, 4) of the best blocks; number of blocks. need: max_range, min_score."""
-    fine, x0, y0, cell, coarse, stride = field
+    fine, x0, y0, cell, coarse, stride = field[:6]
     (ny, nx), width, (max_range, min_score) = fine.shape, block * cell, need
     edge = cell
     if coarse is None:

@@ -114,9 +114,8 @@ def matcher_of(*poses, **changes):
 
 def touched(maps):
     """The tables (ny, nx, particles, layers) of all tiles that were ever written to, a view."""
-    tiles, (x0, y0, x1, y1) = maps.tiles, maps.tiles.window.tolist()
-    x, y = tiles.corner_x, tiles.corner_y
-    return tiles.tables[y0 - y : y1 + 1 - y, x0 - x : x1 + 1 - x]
+    y, x = np.nonzero(maps.tiles.written)
+    return maps.tiles.tables[y.min() : y.max() + 1, x.min() : x.max() + 1]
 
 
 def references_add_up(tiles):

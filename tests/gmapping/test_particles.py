@@ -196,7 +196,7 @@ def test_the_output_particle_stays_at_its_peak_and_the_others_are_drawn():
 
 
 def test_beams_clear_what_they_cross_and_mark_their_end():
-    hits, visits, coarse_hits = (np.zeros(shape, np.int32) for shape in ((3, 7), (3, 7), (1, 2)))
+    (hits, visits), coarse_hits = np.zeros((2, 3, 7), np.int32), np.zeros((1, 2), np.float32)
     counts = BeamCounts(hits, visits, coarse_hits, 0, 0, 0.05)
     scan = np.array([[0.30, 0.05], [0.0, 0.10], [0.0, 0.05]])
     draw(scan, counts, 1)
