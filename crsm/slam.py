@@ -62,7 +62,7 @@ class Crsm(HasEstimator):
             points = self._scan.read(scan, self._estimator.twist_at(matches[0].pose))
             matches = self._match(points, prior.pose, prior)
         pose = self._estimator.decide(points, matches, self._map, self._match)  # 5.
-        self._learn_from_match(points)
+        self._learn_from_match(points, prior)
         quality, mount = self._estimator.quality, scan.laser.mount
         if self._estimator.may_map and self._keyframes.due(pose, quality, mount):
             self._insert(points, pose)  # 6.
@@ -108,13 +108,13 @@ class Crsm(HasEstimator):
             matches = self._map.lines.refine(points, start, climbed.pose, pose_prior)  # 4.
         return [match._replace(coarse=climbed.pose) for match in matches]
 
-    def _learn_from_match(self, points: ScanReader) -> None:
+    def _learn_from_match(self, points: ScanReader, prior: Prediction) -> None:
         """Update mean fitness, residual variance and counts by the match that was taken."""
         match = self._estimator.match
         if match is None or match.coarse is None:
             return
         self._matcher.learn(points, match.pose)
-        self._map.lines.learn_variance(match, points)
+        self._map.lines.learn_variance(match, points, prior.wheels)
         self._counts["posed"] += 1
         self._counts["kept"] += pose_distance(points, match.coarse, match.pose) < self.params.cell
         self._counts["refined"] += match.coarse != match.pose

@@ -58,7 +58,7 @@ class Hector(HasEstimator):
             points = self._scan.read(scan, self._estimator.twist_at(matches[0].pose))
             matches = self._match(points, prior.pose, prior)
         pose = self._estimator.decide(points, matches, self._map, self._match)  # 5.
-        self._learn_from_match(points)
+        self._learn_from_match(points, prior)
         quality, mount = self._estimator.quality, scan.laser.mount
         if self._estimator.may_map and self._keyframes.due(pose, quality, mount):
             self._insert(points, pose)  # 6.
@@ -102,12 +102,12 @@ class Hector(HasEstimator):
             matches = self._map.lines.refine(points, start, coarse.pose, pose_prior)  # 4.
         return [match._replace(coarse=coarse.pose) for match in matches]
 
-    def _learn_from_match(self, points: EndPoints) -> None:
+    def _learn_from_match(self, points: EndPoints, prior: Prediction) -> None:
         """Update the residual variance of the lines and the counts by the match that was taken."""
         match = self._estimator.match
         if match is None or match.coarse is None:
             return
-        self._map.lines.learn_variance(match, points)
+        self._map.lines.learn_variance(match, points, prior.wheels)
         self._counts["posed"] += 1
         self._counts["kept"] += (
             pose_distance(points, match.coarse, match.pose) < self.params.resolution

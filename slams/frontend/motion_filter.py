@@ -39,7 +39,7 @@ MAX_DENSITY_RATE, MAX_FACTOR_RATE = 0.1, 0.5  # learning rate of one scan
 class Prediction(NamedTuple):
     """Predicted pose of a scan, its information and covariance (3, 3) [m, rad].
 
-    `twist` of the body [m/s, rad/s], `dt` since the last scan [s].
+    `twist` of the body [m/s, rad/s], `dt` since the last scan [s], `wheels`: they measured it.
     """
 
     pose: Pose2
@@ -47,6 +47,7 @@ class Prediction(NamedTuple):
     covariance: Floats
     twist: Pose2
     dt: float
+    wheels: bool = False
 
     def mahalanobis_squared(self, pose: Pose2) -> float:
         """Squared Mahalanobis distance of a pose from the prediction."""
@@ -138,7 +139,8 @@ class MotionFilter:
         covariance = self._P[:3, :3].copy()
         covariance.flat[::4] += self._noise_floor + PRIOR_STD**2
         twist = Pose2(*self._z[TWIST:SCALE].tolist())
-        return Prediction(self.pose, inverse3(covariance), covariance, twist, self._dt)
+        information = inverse3(covariance)
+        return Prediction(self.pose, information, covariance, twist, self._dt, self.wheels)
 
     def twist_at(self, pose: Pose2) -> Pose2:
         """The body twist [m/s, rad/s] by regression, if the robot is at `pose`."""

@@ -1,6 +1,8 @@
 """Kernels of the match to line cells: distances, Gauss-Newton, inliers and conflicts.
 
 ours: the last step of a match, exact to below a cell.
+
+[Kish65] L. Kish: Survey Sampling. Wiley 1965. Design effect of observations in clusters.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2
 
 MIN_LINE_COSINE = 0.5  # between the normals of a hit and of its line
+CLUSTER_BEAMS = 32  # consecutive beams, whose errors may be correlated: some 8 degrees
 
 
 class View(NamedTuple):
@@ -77,19 +80,24 @@ def facing_line(
 @njit(fastmath=FAST, inner=True, borrows=True)  # 1.4 times as fast: sums may be regrouped
 def line_equations(
     cells: LineCells, view: View, stride: int, pose: Pose2, soft: float, H: Floats, b: Floats
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float, float]:
     """Normal equations H, b of the distances to the lines, [Kohlbrecher11] eq. 8-13.
 
     ours: a distance e to a line has the weight confidence / (1 + soft e^2); every `stride`-th beam
     is used. Returns the sums of the weights, of the weighted squares [m^2], and of the weights
-    without confidence: the number of inliers.
+    without confidence: the number of inliers; and the design effect [Kish65], by which errors that
+    are correlated within clusters raise the variance of a sum of beams, less what chance explains.
     """
     points, normals, n, mount = view
     c, s = math.cos(pose.theta), math.sin(pose.theta)
     sx, sy = pose.x + c * mount.x - s * mount.y, pose.y + s * mount.x + c * mount.y
     hxx = hxy = hyy = hxt = hyt = htt = bx = by = bt = total = squares = inliers = 0.0
+    independent = clustered = cluster = 0.0
     for k in range((n + stride - 1) // stride):
         i = k * stride
+        if k % CLUSTER_BEAMS == 0:
+            clustered += cluster * cluster
+            cluster = 0.0
         px, py = points[0, i], points[1, i]
         qx, qy = c * px - s * py, s * px + c * py
         e, nx, ny, w = facing_line(cells, pose.x + qx, pose.y + qy, sx, sy)
@@ -115,24 +123,29 @@ def line_equations(
         total += weight
         squares += weight * e * e
         inliers += robust
+        cluster += weight * e
+        independent += weight * weight * e * e
     H[0, 0], H[1, 1], H[2, 2] = hxx, hyy, htt
     H[0, 1] = H[1, 0] = hxy
     H[0, 2] = H[2, 0] = hxt
     H[1, 2] = H[2, 1] = hyt
     b[0], b[1], b[2] = bx, by, bt
-    return total, squares, inliers
+    clustered += cluster * cluster
+    chance = 2.0 * math.sqrt(2.0 * CLUSTER_BEAMS * stride / max(n, 1))  # two deviations
+    effect = max(clustered / max(independent, 1e-12) - chance, 1.0)
+    return total, squares, inliers, effect
 
 
 @njit
 def fit(
     walls: Any, scan: Any, start: Any, prior: Any, settings: Any, H: Floats
-) -> tuple[tuple[float, float, float], float, float]:
+) -> tuple[tuple[float, float, float], float, float, float]:
     """Gauss-Newton on the distances to the lines from `start`; leaves the information in `H`.
 
     ours: [Kohlbrecher11] eq. 12 with the prediction as `prior`, which decides along a degenerate
     direction. `LineCells`, `View`, start, `Prior`, `Fit` and the pose returned are plain tuples,
     which pass between Python and here in a tenth of the time. Returns the pose, the inlier ratio by
-    robust weights, and the mean square distance of the inliers [m^2].
+    robust weights, the mean square distance of the inliers [m^2], and the design effect.
     """
     cells = LineCells(*walls)
     points, normals, n, mount = scan
@@ -144,11 +157,11 @@ def fit(
     scratch = np.empty((5, 3))  # one array: each further kind costs half a second to compile
     b, step, total_H = scratch[3], scratch[4], scratch
     soft = 1.0 / (softness * softness)
-    inlier_ratio = mean_square = 0.0
+    inlier_ratio = mean_square = effect = 0.0
     for k in range(steps + 1):
         stride = stride if k < steps - 1 else 1
         pose = Pose2(x, y, theta)
-        total, squares, inliers = line_equations(cells, view, stride, pose, soft, H, b)
+        total, squares, inliers, effect = line_equations(cells, view, stride, pose, soft, H, b)
         inlier_ratio, mean_square = stride * inliers / max(view.n, 1), squares / max(total, 1e-9)
         if k == steps:
             break
@@ -162,7 +175,7 @@ def fit(
             if stride == 1:
                 break
             stride = 1
-    return (x, y, wrap_angle(theta)), inlier_ratio, mean_square
+    return (x, y, wrap_angle(theta)), inlier_ratio, mean_square, effect
 
 
 @njit

@@ -38,7 +38,8 @@ class Match(NamedTuple):
     """A matched pose with inlier ratio and mean square distance of the inliers [m^2].
 
     `information` (3, 3) of the scan about the pose [1/m^2, 1/(m rad), 1/rad^2]; `coarse`: result of
-    the paper's mechanism, from which the refinement started.
+    the paper's mechanism, from which the refinement started; `design_effect`: factor by which
+    correlated errors of the beams have lowered the information.
     """
 
     pose: Pose2
@@ -46,6 +47,7 @@ class Match(NamedTuple):
     mean_square: float = 0.0
     information: Floats = NO_INFORMATION
     coarse: Pose2 | None = None
+    design_effect: float = 1.0
 
 
 class LineMap:
@@ -102,9 +104,10 @@ class LineMap:
         settings = Fit(p.line_steps, tolerance, stride_tolerance, stride, soft, self.variance)
         view, H = (points.points, points.rough_normals, points.n, tuple(points.mount)), self._H
         starts = tuple(start), (tuple(prior.pose), prior.information)
-        pose, inlier_ratio, square = fit(tuple(self.cells), view, *starts, tuple(settings), H)
+        pose, ratio, square, effect = fit(tuple(self.cells), view, *starts, tuple(settings), H)
         variance = max(square, points.noise**2)
-        return Match(Pose2(*pose), inlier_ratio, variance, H / variance)
+        information = H / (variance * effect)
+        return Match(Pose2(*pose), ratio, variance, information, design_effect=effect)
 
     def refine(self, points: EndPoints, start: Pose2, coarse: Pose2, prior: Prior) -> list[Match]:
         """Matches from the start of a `coarse` match, and from its result if that is elsewhere.
@@ -124,9 +127,13 @@ class LineMap:
         view = tuple(points.mount), tuple(pose), 1.0 / self._softness(points) ** 2
         return evaluate(tuple(self.cells), points.points, points.n, _stride(points), *view)
 
-    def learn_variance(self, match: Match, points: EndPoints) -> None:
-        """Set `variance` to that of a match."""
-        self.variance = max(match.mean_square, points.noise**2)
+    def learn_variance(self, match: Match, points: EndPoints, wheels: bool) -> None:
+        """Set `variance` to that of a match, by laser alone with the design effect.
+
+        The errors of wheels are correlated, too, so the weight of their prior stays.
+        """
+        effect = 1.0 if wheels else match.design_effect
+        self.variance = max(match.mean_square, points.noise**2) * effect
 
     def _softness(self, points: EndPoints) -> float:
         return max(self.params.softness, ROBUST_SCALE_DEVIATIONS * points.noise)

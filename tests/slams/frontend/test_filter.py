@@ -204,7 +204,7 @@ def test_wheels_at_a_standstill_do_not_brake_a_robot_in_a_bare_corridor():
         prior = motion.predict(scan(0.1 * k, still))
         motion.update(pose if k < 40 else prior.pose, SHARP, FULLY_OBSERVED if k < 40 else bare)
         pose = pose @ step
-    assert not motion.wheels
+    assert not prior.wheels
     assert motion.pose.x == pytest.approx(59 * 0.05, abs=0.05)
 
 
@@ -229,7 +229,7 @@ def test_a_delay_of_the_stamps_is_learned_while_a_robot_accelerates(delay, axis,
     assert motion.delay == pytest.approx(delay, abs=0.02)
     expected = slip**2 * abs(math.sin(t) - math.sin(t - 0.2))  # noise of the scan's motion
     assert motion._readings[axis, kernels.VARIANCE] == pytest.approx(expected, rel=0.1)
-    assert motion.gyro and motion.wheels and (motion._learned[1, GYRO] < 1.5 or delay)
+    assert motion.gyro and motion.prediction().wheels and (motion._learned[1, GYRO] < 1.5 or delay)
 
 
 @pytest.mark.parametrize(("seconds", "costs"), [(0.1, False), (1.0, True)])

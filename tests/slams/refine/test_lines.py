@@ -8,7 +8,7 @@ import pytest
 from slams.geometry import Prior
 from slams.refine import lines as lines_module
 from slams.refine.line_cell_kernels import Hits, LineUpdate, add_hits, add_scan, add_to_cell
-from slams.refine.line_kernels import Fit, View, line_equations
+from slams.refine.line_kernels import CLUSTER_BEAMS, Fit, View, line_equations
 from slams.refine.lines import MAX_BEAM_STRIDE, MIN_FIRST_CONFIDENCE, LineMap, Match
 from slams.refine.params import RefineParams
 from slams.scan.end_points import EndPoints
@@ -90,10 +90,12 @@ def test_information_is_in_units_of_the_variance_that_is_learned():
     lines, points = mapped()
     held = Prior(Pose2(0.01, 0.01, 0.0), 1e12 * np.eye(3))
     match = lines.fit(points, held.pose, held)
-    assert match.information == pytest.approx(lines._H / match.mean_square)
-    lines.learn_variance(match, points)
-    assert lines.variance == match.mean_square > points.noise**2
-    lines.learn_variance(match._replace(mean_square=0.0), points)
+    square, effect = match.mean_square, match.design_effect
+    assert effect > 1.0 and match.information == pytest.approx(lines._H / (square * effect))
+    for wheels, expected in ((True, square), (False, square * effect)):
+        lines.learn_variance(match, points, wheels)
+        assert lines.variance == pytest.approx(expected)
+    lines.learn_variance(match._replace(mean_square=0.0), points, wheels=True)
     assert lines.variance == points.noise**2
 
 
@@ -102,8 +104,7 @@ def test_a_close_start_uses_all_beams_at_once(monkeypatch):
     made = calls(monkeypatch, lines_module, "fit")
     for close in (True, False):
         lines.fit(points, IDENTITY, Prior(IDENTITY, 1e12 * np.eye(3)), close)
-    strides = [Fit(*settings).stride for *_, settings, _ in made]
-    assert strides == [1, MAX_BEAM_STRIDE]
+    assert [Fit(*settings).stride for *_, settings, _ in made] == [1, MAX_BEAM_STRIDE]
 
 
 def test_a_conflict_is_an_end_point_in_a_free_cell_without_a_line():
@@ -131,8 +132,7 @@ def test_beyond_its_cap_a_line_follows_slowly():
     lines, update = blank(), update_of(cap=10.0)
     for y in (0.0, 0.02):
         add_to_cell(lines.cells, 120, 120, hit(8.0, 0.0, y), update)
-    weight = lines.cells.sums[lines.cells.slot[120, 120], 0]
-    assert weight == pytest.approx(10.0)
+    assert lines.cells.sums[lines.cells.slot[120, 120], 0] == pytest.approx(10.0)
     assert row_of(lines, 120, 120)[2] == pytest.approx(0.8 * 0.02)
 
 
@@ -206,7 +206,7 @@ def test_a_wall_is_not_met_from_behind():
     for sensor, met in ((0.0, True), (2.0, False)):
         pose, ends = Pose2(sensor, 0.0, 0.0), wall()[0] - [[sensor], [0.0]]
         view = View(ends, np.zeros_like(ends), 20, IDENTITY)
-        total, _, near = line_equations(cells, view, 1, pose, 400.0, H, b)
+        total, _, near, _ = line_equations(cells, view, 1, pose, 400.0, H, b)
         assert (total > 0.0) == (near > 0.0) == met
 
 
@@ -244,6 +244,18 @@ def test_normal_equations_are_those_of_the_distances_to_lines():
     expected_H, expected_b = sums_by_hand(lines, points, pose, 400.0)
     assert pytest.approx(expected_H, rel=1e-4, abs=1e-6) == H
     assert b == pytest.approx(expected_b, rel=1e-4, abs=1e-4)
+
+
+def test_errors_that_neighbors_share_count_as_fewer_beams():
+    (lines, points), rng, effects = mapped(), np.random.default_rng(0), []
+    ends, normals = points.points[:2, : points.n], points.normals[:2, : points.n]
+    units = normals / np.maximum(np.hypot(*normals), 1e-9)
+    for shared in (1, CLUSTER_BEAMS):
+        errors = np.repeat(rng.normal(0.0, 0.01, points.n), shared)[: points.n]
+        view = View(ends + errors * units, normals, points.n, IDENTITY)
+        sums = np.zeros((3, 3)), np.zeros(3)
+        effects.append(line_equations(lines.cells, view, 1, IDENTITY, 400.0, *sums)[-1])
+    assert 1.0 <= effects[0] < 1.5 and 0.4 < effects[1] / CLUSTER_BEAMS < 1.2
 
 
 def test_along_a_slanted_wall_a_hit_reaches_along_the_wall():
