@@ -80,10 +80,9 @@ def test_a_robot_that_comes_back_closes_the_loop(seed, drifts):
     assert (slam.report()["closed"] >= 1) == drifts
 
 
-OLDER, YOUNGER = (
-    1.0 + MIN_LOOP_PATH_LENGTH + 0.1,
-    1.0 + MIN_LOOP_PATH_LENGTH - 0.1,
-)  # m driven; the map is of the first meter
+# m driven; the map is of the first meter
+OLDER, YOUNGER = 1.0 + MIN_LOOP_PATH_LENGTH + 0.1, 1.0 + MIN_LOOP_PATH_LENGTH - 0.1
+APART, SURE = np.array([[0.55, -0.5, 0.05]]), 1e6 * np.eye(3)
 
 
 def seen(view):
@@ -111,11 +110,10 @@ def test_particles_move_to_where_old_surfaces_match_more_of_a_scan(way, place, f
     counts = seen(view)
     if free:  # as if people stood there now
         view.pieces[: len(view.pieces) // 5, :2] *= 0.6
-    apart, sure = np.array([[0.55, -0.5, 0.05]]), 1e6 * np.eye(3)
     matcher._path_length = way
-    found = matcher.propose(view, apart, sure, [place], counts)
+    found = matcher.propose(view, APART, SURE, [place], counts)
     assert found.closes_loop.tolist() == [closes]
-    np.testing.assert_allclose(found.peaks, 0.0 if closes else apart, atol=0.02)
+    np.testing.assert_allclose(found.peaks, 0.0 if closes else APART, atol=0.02)
 
 
 @pytest.mark.parametrize(("elsewhere", "closes"), [(0.45, True), (0.65, False)])
@@ -124,9 +122,8 @@ def test_a_loop_has_nearly_half_of_the_scan_on_old_surfaces(elsewhere, closes):
     matcher, view = matcher_of(IDENTITY), view_of(IDENTITY)
     counts, beams = seen(view), np.cumsum(view.pieces[:, 4])
     view.pieces[beams < elsewhere * beams[-1], :2] *= 5.0
-    apart, sure = np.array([[0.55, -0.5, 0.05]]), 1e6 * np.eye(3)
     matcher._path_length = OLDER
-    found = matcher.propose(view, apart, sure, [Pose2(0.02, 0.01, 0.0)], counts)
+    found = matcher.propose(view, APART, SURE, [Pose2(0.02, 0.01, 0.0)], counts)
     assert found.closes_loop.tolist() == [closes]
 
 
@@ -138,9 +135,8 @@ def test_only_old_surfaces_weigh_a_particle_and_only_beyond_what_parallel_walls_
     np.testing.assert_array_equal(matcher.propose(view, at, sure, *NO_CANDIDATES).log_w, 0.0)
     matcher.insert(view, poses, OLDER)
     found, p = matcher.propose(view, at, sure, *NO_CANDIDATES), matcher._params
-    width, tiles = p.width, matcher.tiles.tiles
-    full = width**2 * view.beams
-    old_score = linearized(tiles, found.peaks[0], view.pieces, width, 1.0 + 0.1)[5]
+    width, full = p.width, p.width**2 * view.beams
+    old_score = linearized(matcher.tiles.tiles, found.peaks[0], view.pieces, width, 1.0 + 0.1)[5]
     score = min(old_score, COMPLETE_SHARE * full) - CHANCE_SHARE * full
     worth = min(1.0, p.independent / view.beams) / p.range_noise**2
     assert found.log_w[0] == pytest.approx(0.5 * PLACE_SHARE * worth * score, rel=1e-3)

@@ -89,11 +89,12 @@ def test_writing_to_one_particle_never_shows_in_another():
 
 
 def test_a_tile_without_references_is_zero_and_takes_no_space_in_a_state():
-    maps = TileMap(2, 1, 0.05, 50)
+    maps = TileMap(2, 1, 0.05, 50, max_cells=4000)
     maps.cover(np.full((1, 3), 0.5), 0.5)
     for particle in (0, 1):
         slot = own_slot(maps.tiles, particle, 0, 3, 3)
         maps.tiles.cells[slot] = 1.0 + particle
+    maps.cover(np.array([[3.0, 0.5, 0.0]]), 0.5)  # beyond the tables, which grow
     maps.inherit(np.zeros(2, np.int64))
     freed = maps.tiles.free[maps.tiles.free[0]]
     assert freed == slot and not maps.tiles.cells[freed].any()
@@ -150,12 +151,12 @@ def test_memory_is_bounded_by_sharing_one_map():
 def test_draws_are_from_the_gaussians():
     L = np.array([[2.0, 0.0, 0.0], [1.0, 4.0, 0.0], [0.5, -1.0, 5.0]])
     peaks = 0.1 * np.arange(9.0).reshape(3, 3)
-    normals = np.random.default_rng(1).standard_normal((3, 3))
-    particles = Particles(3)
+    normals, particles = np.random.default_rng(1).standard_normal((3, 3)), Particles(3)
     proposals = Proposals(peaks, np.tile(L, (3, 1, 1)), np.zeros(3), np.zeros(3, np.bool_))
     particles.draw(proposals, normals)
-    off = particles.poses - peaks
-    np.testing.assert_allclose(off @ L, normals)  # L^T off = normals: covariance (L L^T)^-1
+    np.testing.assert_allclose(
+        (particles.poses - peaks) @ L, normals
+    )  # L^T off = normals: covariance (L L^T)^-1
 
 
 def test_the_spread_is_around_the_output_particle():

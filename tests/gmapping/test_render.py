@@ -55,18 +55,27 @@ def test_a_snapshot_stays_as_it_is_and_a_part_is_cut_to_what_was_observed():
 
 
 def test_a_cell_with_the_least_share_of_hits_of_a_wall_is_as_likely_free():
-    renderer = Renderer(EDGE, 0.25, 1 << 20)
-    for x in (1.0, 2.0, 2.0, 2.0):
-        renderer.add_keyframe(np.array([[x, 0.0], [0.0, 0.0]]), IDENTITY)
-    row = renderer.snapshot(np.zeros((4, 3)))().p[0]
-    assert row[10] == pytest.approx(0.5)
-    assert row[20] == 1.0
+    poses, kept = np.zeros((4, 3)), [np.array([[x, 0.0], [0.0, 0.0]]) for x in (1.0, 2.0, 2.0, 2.0)]
+    row = drawn(kept, poses).snapshot(poses)().p[0]
+    assert row[[10, 20]] == pytest.approx([0.5, 1.0])
+
+
+def test_a_local_map_has_some_keyframes_where_they_are_drawn():
+    kept, poses = scans(3), history(3)
+    renderer, alone = drawn(kept, poses), drawn(kept[1:], poses[1:])
+    field, counts = renderer.local_map([1, 2])
+    assert counts.hits.sum() == 60 and counts.visits.sum() == alone.counts.visits.sum()
+    at = [Pose2(*pose.tolist()) for pose in poses]
+    ends = np.concatenate([at[k].transform(kept[k])[:-1] for k in (1, 2)])
+    for walls in (field, alone.likelihood_field()):
+        found, cells = walls.likelihood > 0.0, (ends - (walls.x0, walls.y0)) / walls.resolution
+        expected = np.zeros_like(found)
+        expected[tuple(np.round(cells).astype(int).T[::-1])] = True
+        np.testing.assert_array_equal(found, expected)
 
 
 def test_three_beams_that_end_elsewhere_make_a_cell_free():
     """Fewer may have been above what stands there."""
-    visits = np.array([[0, 1, 2, 3, 20, 20]], np.int32)
-    hits = np.array([[0, 0, 0, 0, 2, 4]], np.int32)
+    hits, visits = np.array([[[0, 0, 0, 0, 2, 4]], [[0, 1, 2, 3, 20, 20]]], np.int32)
     counts = BeamCounts(hits, visits, np.zeros((1, 2), np.int32), 0, 0, EDGE)
-    free = [is_free(counts, EDGE * k, 0.0) for k in range(6)]
-    assert free == [False, False, False, True, True, False]
+    assert [is_free(counts, EDGE * k, 0.0) for k in range(6)] == [False] * 3 + [True, True, False]

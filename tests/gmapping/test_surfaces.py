@@ -61,12 +61,9 @@ def test_the_gradient_is_that_of_the_robust_cost():
     pose = np.array([0.011, -0.007, 0.004])
     expected = linearized(tiles.tiles, pose, surface)[1]
     for j in range(3):
-        side = []
-        for sign in (1, -1):
-            near = pose.copy()
-            near[j] += sign * 1e-6
-            side.append(linearized(tiles.tiles, near, surface)[2])
-        gradient[j] = (side[0] - side[1]) / 4e-6
+        sides = (pose + step * np.eye(3)[j] for step in (1e-6, -1e-6))
+        after, before = (linearized(tiles.tiles, side, surface)[2] for side in sides)
+        gradient[j] = (after - before) / 4e-6
     np.testing.assert_allclose(gradient, expected, rtol=0.02, atol=1e-3)
 
 
@@ -78,12 +75,8 @@ def test_one_step_weighs_scan_and_prior_as_by_hand():
     of = posterior(tiles, surface, [mean], known)
     poses, _, _ = climb(of, [start], GAUSS_NEWTON._replace(max_steps=1, first_scale=0.03))
     h, gradient, *_ = linearized(tiles, start, surface, 0.03)
-    off = mean - start
-    w = (
-        GAUSS_NEWTON.variance
-        * (geometry.STUDENT_DOF + 3.0)
-        / (geometry.STUDENT_DOF + off @ known @ off)
-    )
+    off, dof = mean - start, geometry.STUDENT_DOF
+    w = GAUSS_NEWTON.variance * (dof + 3.0) / (dof + off @ known @ off)
     step = np.linalg.solve(h + w * known, w * known @ off - gradient)
     np.testing.assert_allclose(poses[0], start + step, atol=1e-12)
 
@@ -118,8 +111,7 @@ def cells_along(gap, turned=0.0, laser_at=(0.0, 0.0), far=2.0, behind=0.0):
         slot = slot_of(maps.tiles, 0, 2, x, iy)  # layer 2: it looks to -x
         if slot > 0 and maps.tiles.cells[slot, index_in_layer(2, x, iy), 3] > 0.0:
             reached.append(iy)
-    assert reached == list(range(reached[0], reached[-1] + 1))
-    assert reached[0] == -reached[-1]
+    assert reached == list(range(-reached[-1], reached[-1] + 1))
     return reached[-1]
 
 
