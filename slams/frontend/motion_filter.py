@@ -39,7 +39,7 @@ MAX_DENSITY_RATE, MAX_FACTOR_RATE = 0.1, 0.5  # learning rate of one scan
 class Prediction(NamedTuple):
     """Predicted pose of a scan, its information and covariance (3, 3) [m, rad].
 
-    `twist` of the body [m/s, rad/s], `dt` since the last scan [s], `wheels`: they measured it.
+    `twist` of the body [m/s, rad/s], `dt` since the last scan [s], `wheels`: whether used.
     """
 
     pose: Pose2

@@ -19,7 +19,7 @@ from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2
 
 MIN_LINE_COSINE = 0.5  # between the normals of a hit and of its line
-CLUSTER_BEAMS = 32  # consecutive beams, whose errors may be correlated: some 8 degrees
+CLUSTER_BEAMS = 32  # with correlated errors: 8 degrees of a UTM-30LX, 16 to 32 of a SICK
 
 
 class View(NamedTuple):

@@ -98,9 +98,9 @@ def test_a_search_finds_the_pose_that_the_wall_shows():
     assert every[0] == pytest.approx(poses[0])
     # poses below the tolerance were not evaluated to the end
     assert (every[:, 3] >= poses[:, 3]).all()
+    assert every[:, 3].sum() > poses[:, 3].sum() + 1.0
     hits = lookup._replace(likelihood=4.0 * likelihood, full=3.0)
     np.testing.assert_array_equal(search(hits, points, window)[0], every)
-    assert every[:, 3].sum() > poses[:, 3].sum() + 1.0
 
 
 def test_a_search_does_bounded_work():
