@@ -13,8 +13,8 @@ from slams.frontend.degeneracy import (
     match_observability,
     scan_observability,
 )
-from slams.frontend.filter_kernels import NIS_GATE
-from slams.frontend.motion_filter import MIN_MATCH_STD, MotionFilter, Prediction
+from slams.frontend.filter_kernels import MIN_MATCH_STD, NIS_GATE
+from slams.frontend.motion_filter import MotionFilter, Prediction
 from slams.frontend.params import FrontendParams
 from slams.frontend.ranking import Candidate, MatchedMap, Rematch, best_around, best_of
 from slams.frontend.relocalize import Relocalizer

@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from slams.geometry import wrap_angle
+from slams.geometry import inverse3, wrap_angle
 from slams.jit import njit
 from slams.types import Floats
 
@@ -31,6 +31,10 @@ NIS_GATE = 9.0  # squared normalized innovation, three deviations: beyond it one
 FAULTY_FACTOR = 100.0  # of a reading's variance, ten deviations: the reading is not used
 MAX_POSE_VARIANCE = 1e4  # m^2: the pose may be anywhere
 MAX_NIS = 1e6  # that inflates a covariance
+STAMP_STD = 0.01  # s, of one reading against its scan, in addition to the delay
+MIN_MATCH_STD = np.array((0.0002, 0.0002, 0.0001))  # m, m, rad, however many beams a match has
+# m, m, rad, added to a prior: a prior that is too tight would keep scans off the walls of the map
+PRIOR_STD = np.array((0.002, 0.002, 0.001))
 
 
 @njit(inner=True, borrows=True)
@@ -227,18 +231,28 @@ def compose(z: Floats, P: Floats) -> None:
 
 @njit
 def predict(
-    z: Floats, P: Floats, dt: float, learned: Floats, tau: Floats, readings: Floats
+    z: Floats,
+    P: Floats,
+    map_noise: Floats,
+    dt: float,
+    learned: Floats,
+    tau: Floats,
+    readings: Floats,
 ) -> None:
     """Predict over one interval dt [s]: propagate, fuse the readings, compose, in place.
 
-    learned (2, 4): acceleration densities (3) and variance factors of the readings (4); tau (3,)
-    [s], correlation times of the twist; readings (4, 7), see the columns. The noise of wheels is
+    map_noise (3, 3) of the last pose in the map with which the next scan is matched; learned
+    (2, 4): acceleration densities (3) and variance factors of the readings (4); tau (3,) [s],
+    correlation times of the twist; readings (4, 7), see the columns. The noise of wheels is
     [Thrun05] 5.4. ours: a reading with a large factor is a fault, not noise, and is not used:
     stalled wheels would stop the estimate of a robot that drives in a bare corridor.
     """
+    P[:3, :3] += map_noise
     propagate(z, P, dt, learned[0], tau)
     buffer = np.empty((3, N))
     for i in range(4):
+        stamp = STAMP_STD * readings[i, RATE_CHANGE]
+        readings[i, VARIANCE] += stamp * stamp
         if readings[i, VALID] != 0.0 and learned[1, i] < FAULTY_FACTOR:
             readings[i, USED_VARIANCE] = readings[i, VARIANCE] * learned[1, i]
             residual = linearize(z, dt, i, readings, buffer[2])
@@ -246,3 +260,19 @@ def predict(
             fuse(z, P, buffer[2], residual, readings[i, USED_VARIANCE], buffer)
     compose(z, P)
     symmetrize(P)
+
+
+@njit
+def prior(z: Floats, P: Floats, jitter: float, floor: Floats, out: Floats) -> None:
+    """Covariance and information out (2, 3, 3) of the pose, before the match of a scan.
+
+    ours: the variances `floor` (3,) of a match are those of its beams and of its stamp, by the
+    `jitter` [s] during which the robot moves.
+    """
+    c, s = math.cos(z[2]), math.sin(z[2])
+    velocity = c * z[TWIST] - s * z[TWIST + 1], s * z[TWIST] + c * z[TWIST + 1], z[TWIST + 2]
+    out[0] = P[:3, :3]
+    for i in range(3):
+        floor[i] = MIN_MATCH_STD[i] ** 2 + (jitter * velocity[i]) ** 2
+        out[0, i, i] += floor[i] + PRIOR_STD[i] ** 2
+    out[1] = inverse3(out[0])

@@ -10,7 +10,16 @@ import numpy as np
 from slams.frontend import filter_kernels as kernels
 from slams.frontend import update_kernels
 from slams.frontend.degeneracy import Observability
-from slams.frontend.filter_kernels import GYRO, RATE_CHANGE, SCALE, TWIST, VALUE, VARIANCE
+from slams.frontend.filter_kernels import (
+    GYRO,
+    MIN_MATCH_STD,
+    PRIOR_STD,
+    RATE_CHANGE,
+    SCALE,
+    TWIST,
+    VALUE,
+    VARIANCE,
+)
 from slams.frontend.params import FrontendParams
 from slams.frontend.timing import MIN_LASER_OFFSET, LaserTimings
 from slams.frontend.wheels import WheelStep, WheelSteps
@@ -24,16 +33,13 @@ TWIST_CORRELATION_TIME = np.array((100.0, 0.5, 10.0))  # s, of the Ornstein-Uhle
 TWIST_STD = np.array((0.7, 0.5, 1.0))  # m/s, m/s, rad/s, of an unknown robot
 # 1, 1, rad/s, rad/m, s: scales of the wheels, gyro bias, heading drift of the wheels, delay
 CALIBRATION_STD = np.array((0.02, 0.05, 0.01, 0.01, 0.03))
-STAMP_STD = 0.01  # s, of one reading against its scan, in addition to the delay
 ZERO_VELOCITY_STD = 0.001  # m, rad, of a reading of the wheels at rest
 GYRO_SCALE_STD = 0.003  # 1
-MIN_MATCH_STD = np.array((0.0002, 0.0002, 0.0001))  # m, m, rad, however many beams a match has
-# m, m, rad, added to a prior: a prior that is too tight would keep scans off the walls of the map
-PRIOR_STD = np.array((0.002, 0.002, 0.001))
 MIN_REVERSAL_TIME = 0.5  # s, within which a robot does not drive away and back
 # s over which acceleration densities and variance factors of readings are learned
 DENSITY_LEARNING_TIME, FACTOR_LEARNING_TIME = 3.0, 2.0
 MAX_DENSITY_RATE, MAX_FACTOR_RATE = 0.1, 0.5  # learning rate of one scan
+NO_NOISE = np.zeros((3, 3))
 
 
 class Prediction(NamedTuple):
@@ -83,7 +89,7 @@ class MotionFilter:
         self._last_pose = np.zeros(3)
         self._dt = 0.0
         self._match, self._how = np.zeros((4, 3)), np.zeros((4, 3))  # see `update_kernels.update`
-        self._map_noise = np.zeros((3, 3))  # covariance that the last match added to the map
+        self._map_noise = NO_NOISE  # (3, 3), covariance that the last match added to the map
         self._noise_floor = MIN_MATCH_STD**2  # variances of a match by its stamp and the map
 
     @property
@@ -119,28 +125,18 @@ class MotionFilter:
                 self._default_density[1] = self._learned[0, 1] = HANDHELD_LATERAL_DENSITY
         else:
             self._read(last, scan, wheels)
-            self._P[:3, :3] += self._map_noise  # the scan is matched with a map that has it
-            self._map_noise[:] = 0.0
-            arrays = self._z, self._P, dt, self._learned, TWIST_CORRELATION_TIME, self._readings
-            kernels.predict(*arrays)
-        jitter = self._timing.jitter  # s, during which the robot moves
-        self._noise_floor = MIN_MATCH_STD**2 + (jitter * self._velocity) ** 2
+            state, learned = (self._z, self._P, self._map_noise), self._learned
+            kernels.predict(*state, dt, learned, TWIST_CORRELATION_TIME, self._readings)
+            self._map_noise = NO_NOISE
         return self.prediction()
-
-    @property
-    def _velocity(self) -> Floats:
-        """Velocity along x and y of the map, and turn rate [m/s, rad/s]."""
-        x, y, rate = self._z[TWIST:SCALE].tolist()
-        c, s = math.cos(self._z[2]), math.sin(self._z[2])
-        return np.array((c * x - s * y, s * x + c * y, rate))
 
     def prediction(self) -> Prediction:
         """The pose of the state as the prior of a match."""
-        covariance = self._P[:3, :3].copy()
-        covariance.flat[::4] += self._noise_floor + PRIOR_STD**2
-        twist = Pose2(*self._z[TWIST:SCALE].tolist())
-        information = inverse3(covariance)
-        return Prediction(self.pose, information, covariance, twist, self._dt, self.wheels)
+        prior = np.empty((2, 3, 3))
+        kernels.prior(self._z, self._P, self._timing.jitter, self._noise_floor, prior)
+        x, y, theta, _, _, _, *twist = self._z[:SCALE].tolist()
+        pose, matrices = Pose2(x, y, theta), (prior[1], prior[0])
+        return Prediction(pose, *matrices, Pose2(*twist), self._dt, self.wheels)
 
     def twist_at(self, pose: Pose2) -> Pose2:
         """The body twist [m/s, rad/s] by regression, if the robot is at `pose`."""
@@ -164,7 +160,7 @@ class MotionFilter:
         self._how[2], self._how[3] = self._noise_floor, self._noise_floor + PRIOR_STD**2
         arrays = self._z, self._P, self._match, self._how, self._last_pose
         update_kernels.update(*arrays, self._learned, self._default_density, self._readings)
-        self._map_noise[:] = self._match[1:]
+        self._map_noise = self._match[1:]
         return Pose2(*self._match[0].tolist())
 
     def inflate(self, factor: float) -> None:
@@ -228,4 +224,3 @@ class MotionFilter:
             readings[GYRO, :4] = 1.0, rotation, variance, change
         else:
             self._gyro_rate = math.nan
-        readings[:, VARIANCE] += (STAMP_STD * readings[:, RATE_CHANGE]) ** 2

@@ -8,14 +8,9 @@ import pytest
 from slams.frontend import filter_kernels as kernels
 from slams.frontend import update_kernels
 from slams.frontend.degeneracy import FULLY_OBSERVED, Observability
-from slams.frontend.filter_kernels import GYRO
+from slams.frontend.filter_kernels import GYRO, MIN_MATCH_STD, STAMP_STD
 from slams.frontend.motion_filter import ACCELERATION_DENSITY as DENSITY
-from slams.frontend.motion_filter import (
-    HANDHELD_LATERAL_DENSITY,
-    MIN_MATCH_STD,
-    STAMP_STD,
-    MotionFilter,
-)
+from slams.frontend.motion_filter import HANDHELD_LATERAL_DENSITY, MotionFilter
 from slams.frontend.params import FrontendParams
 from slams.types import IDENTITY, Laser, Pose2, Scan
 
