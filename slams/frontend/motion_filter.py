@@ -13,7 +13,6 @@ from slams.frontend.degeneracy import Observability
 from slams.frontend.filter_kernels import (
     GYRO,
     MIN_MATCH_STD,
-    PRIOR_STD,
     RATE_CHANGE,
     SCALE,
     TWIST,
@@ -88,7 +87,6 @@ class MotionFilter:
         self._last_scan: Scan | None = None
         self._last_pose = np.zeros(3)
         self._dt = 0.0
-        self._match, self._how = np.zeros((4, 3)), np.zeros((4, 3))  # see `update_kernels.update`
         self._map_noise = NO_NOISE  # (3, 3), covariance that the last match added to the map
         self._noise_floor = MIN_MATCH_STD**2  # variances of a match by its stamp and the map
 
@@ -150,18 +148,15 @@ class MotionFilter:
 
         `pose` is the scan fused with the prior, `information` (3, 3) that of the scan alone.
         """
-        self._match[0], self._match[1:] = pose, information
         p, dt = self._p, self._dt
         with_densities, with_factors = p.learn_acceleration, p.learn_odometry
         density_rate = min(dt / DENSITY_LEARNING_TIME, MAX_DENSITY_RATE) if with_densities else 0.0
         factor_rate = min(dt / FACTOR_LEARNING_TIME, MAX_FACTOR_RATE) if with_factors else 0.0
-        self._how[0] = observed
-        self._how[1] = dt, density_rate, factor_rate
-        self._how[2], self._how[3] = self._noise_floor, self._noise_floor + PRIOR_STD**2
-        arrays = self._z, self._P, self._match, self._how, self._last_pose
-        update_kernels.update(*arrays, self._learned, self._default_density, self._readings)
-        self._map_noise = self._match[1:]
-        return Pose2(*self._match[0].tolist())
+        rates, learned = (dt, density_rate, factor_rate), (self._learned, self._default_density)
+        self._map_noise = information.copy()
+        match = tuple(pose), self._map_noise, tuple(observed), rates, self._noise_floor
+        arrays = *match, self._last_pose, *learned, self._readings
+        return Pose2(*update_kernels.update(self._z, self._P, *arrays))
 
     def inflate(self, factor: float) -> None:
         """Multiply the variances of the pose by a factor."""

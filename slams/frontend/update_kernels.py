@@ -22,6 +22,7 @@ from slams.frontend.filter_kernels import (
     LAST_VARIANCE,
     MAX_NIS,
     POSE,
+    PRIOR_STD,
     RATE_CHANGE,
     SCALE,
     STEP,
@@ -225,23 +226,29 @@ def learn_factors(
 def update(
     z: Floats,
     P: Floats,
-    match: Floats,
-    how: Floats,
+    match: tuple[float, ...],
+    information: Floats,
+    observed: tuple[float, ...],
+    rates: tuple[float, ...],
+    floor: Floats,
     last_pose: Floats,
     learned: Floats,
     default: Floats,
     readings: Floats,
-) -> None:
-    """Condition the state on a match: remap, fuse, regress, learn, in place.
+) -> tuple[float, float, float]:
+    """Condition the state on a match: remap, fuse, regress, learn, in place; the pose remapped.
 
-    match (4, 3): pose, which is remapped; information of the scan about it, which is replaced by
-    the covariance K R K^T that the match adds to the map. how (4, 3), row by row: degenerate
-    direction and share observed along it; dt, learning rates of accelerations and of readings;
-    noise floor of a match; variances of its prior beside P. last_pose (3,) of the last scan.
+    match: pose, scan fused with prior; `information` (3, 3) of the scan about it, which is replaced
+    by the covariance K R K^T that the match adds to the map. observed: degenerate direction and the
+    share observed along it; rates: dt, learning rates of accelerations and of readings; variances
+    `floor` (3,) of a match; last_pose (3,) of the last scan.
     ours: [Roth13], a match with a large NIS inflates the covariance of the prior.
     """
-    pose, information, direction, share = match[0], match[1:], how[0, :2], how[0, 2]
-    dt, floor, prior = how[1, 0], how[2], how[3]
+    direction, pose, prior = np.empty(2), np.empty(3), np.empty(3)
+    direction[0], direction[1], share = observed
+    for i in range(3):
+        pose[i], prior[i] = match[i], floor[i] + PRIOR_STD[i] ** 2
+    dt, density_rate, factor_rate = rates
     if share < 1.0:
         decouple(z, P, direction, share)
         remap(z, P, pose, information, direction, share, prior)
@@ -263,9 +270,10 @@ def update(
     condition(z, P, state, posterior)
     for i in range(3):
         change[i] = z[TWIST + i] - change[i]
-    learn_density(change, variance, P, how[1, 1], default, learned[0])
+    learn_density(change, variance, P, density_rate, default, learned[0])
     midpoint_step(last_pose, z[:3], step)
-    learn_factors(z, step, dt, how[1, 2], floor, readings, learned[1])
+    learn_factors(z, step, dt, factor_rate, floor, readings, learned[1])
+    return pose[0], pose[1], pose[2]
 
 
 @njit(inner=True)
