@@ -34,8 +34,8 @@ class EndPoints:
     An error of the velocity moves both halves of the sweep in opposite directions, so that it
     hardly moves the middle. `at_stamp` gives the pose at the scan's stamp, that of the first beam.
 
-    `points` (3, >= n): x, y [m], number of the beam; `radius` [m] the farthest from the base. All
-    scans share the buffers.
+    `points` (3, >= n): x, y [m], number of the beam; `radius` [m] the farthest from the base;
+    `resolution`: noise of the ranges, and lengths that follow from it. All scans share the buffers.
     """
 
     rough_normal_error = 0.14  # rad, deviation of `rough_normals`, each of a chord of a few beams
@@ -48,6 +48,7 @@ class EndPoints:
         self._noises: dict[Pose2, MovingAverage] = {}  # of each laser, by its mount
         self._interval, self._t = MovingAverage(INTERVAL_MEAN_TIME), math.inf
         self._has_moments = self._has_normals = self._has_chords = False
+        self.resolution = ScanResolution(self.noise, params.normal_window, MIN_GAP_THRESHOLD)
         self.mount = IDENTITY
         self.step = 0.0
         self.has_sweep = False
@@ -71,7 +72,9 @@ class EndPoints:
             self.n, self.radius, self.mount = leveled
         self._measure_noise(scan.t)
         self._measure_interval(scan.t)
-        gap = self.resolution.gap_threshold
+        window = max(self.params.normal_window, WINDOW_DEVIATIONS * self.noise)
+        gap = max(MIN_GAP_THRESHOLD, GAP_DEVIATIONS * self.noise)
+        self.resolution = ScanResolution(self.noise, window, gap)
         self.n = kernels.remove_isolated(
             self.points, self.n, self.mount, self.step, gap, self._scratch
         )
@@ -135,13 +138,6 @@ class EndPoints:
             )
             self._has_chords = True
         return self._chords
-
-    @property
-    def resolution(self) -> ScanResolution:
-        """Noise of the ranges, and the lengths that follow from the noise."""
-        window = max(self.params.normal_window, WINDOW_DEVIATIONS * self.noise)
-        gap_threshold = max(MIN_GAP_THRESHOLD, GAP_DEVIATIONS * self.noise)
-        return ScanResolution(self.noise, window, gap_threshold)
 
     def _measure_noise(self, t: float) -> None:
         """Add the noise of this scan, by the median distance of beams from a line of neighbors."""

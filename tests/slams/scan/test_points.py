@@ -134,9 +134,11 @@ def test_normals_are_those_of_a_total_least_squares_fit():
 
 
 def test_the_window_of_a_normal_and_what_is_one_surface_grow_with_the_noise():
-    ends = EndPoints(ScanParams(normal_window=0.05))
+    nothing = Scan(0.0, np.zeros(9, np.float32), Laser(0.0, 0.1, 9, 0.1, 30.0))
+    ends = EndPoints(ScanParams(normal_window=0.05)).read(nothing, IDENTITY)
     for noise, window, gap_threshold in ((0.005, 0.05, 0.1), (0.02, 0.12, 0.12)):
         ends._noise.value = noise
+        ends.read(nothing, IDENTITY)
         assert ends.resolution == pytest.approx((noise, window, gap_threshold))
 
 
