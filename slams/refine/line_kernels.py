@@ -19,7 +19,7 @@ from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2
 
 MIN_LINE_COSINE = 0.5  # between the normals of a hit and of its line
-CLUSTER_BEAMS = 32  # with correlated errors: 8 degrees of a UTM-30LX, 16 to 32 of a SICK
+N_CLUSTERS = 32  # of a scan; the errors of the beams in a cluster may be correlated
 
 
 class View(NamedTuple):
@@ -93,10 +93,12 @@ def line_equations(
     sx, sy = pose.x + c * mount.x - s * mount.y, pose.y + s * mount.x + c * mount.y
     hxx = hxy = hyy = hxt = hyt = htt = bx = by = bt = total = squares = inliers = 0.0
     independent = clustered = cluster = 0.0
-    for k in range((n + stride - 1) // stride):
-        i = k * stride
-        if k % CLUSTER_BEAMS == 0:
+    left = cluster_beams = max((n + N_CLUSTERS - 1) // N_CLUSTERS, 1)
+    for i in range(0, n, stride):
+        left -= stride
+        if left < 0:
             clustered += cluster * cluster
+            left += cluster_beams
             cluster = 0.0
         px, py = points[0, i], points[1, i]
         qx, qy = c * px - s * py, s * px + c * py
@@ -131,7 +133,7 @@ def line_equations(
     H[1, 2] = H[2, 1] = hyt
     b[0], b[1], b[2] = bx, by, bt
     clustered += cluster * cluster
-    chance = 2.0 * math.sqrt(2.0 * CLUSTER_BEAMS * stride / max(n, 1))  # two deviations
+    chance = 2.0 * math.sqrt(2.0 / N_CLUSTERS)  # two deviations of a variance
     effect = max(clustered / max(independent, 1e-12) - chance, 1.0)
     return total, squares, inliers, effect
 

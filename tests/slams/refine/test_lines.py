@@ -8,7 +8,7 @@ import pytest
 from slams.geometry import Prior
 from slams.refine import lines as lines_module
 from slams.refine.line_cell_kernels import Hits, LineUpdate, add_hits, add_scan, add_to_cell
-from slams.refine.line_kernels import CLUSTER_BEAMS, Fit, View, line_equations
+from slams.refine.line_kernels import N_CLUSTERS, Fit, View, line_equations
 from slams.refine.lines import MAX_BEAM_STRIDE, MIN_FIRST_CONFIDENCE, LineMap, Match
 from slams.refine.params import RefineParams
 from slams.scan.end_points import EndPoints
@@ -250,12 +250,13 @@ def test_errors_that_neighbors_share_count_as_fewer_beams():
     (lines, points), rng, effects = mapped(), np.random.default_rng(0), []
     ends, normals = points.points[:2, : points.n], points.normals[:2, : points.n]
     units = normals / np.maximum(np.hypot(*normals), 1e-9)
-    for shared in (1, CLUSTER_BEAMS):
+    cluster = math.ceil(points.n / N_CLUSTERS)
+    for shared in (1, cluster):
         errors = np.repeat(rng.normal(0.0, 0.01, points.n), shared)[: points.n]
         view = View(ends + errors * units, normals, points.n, IDENTITY)
         sums = np.zeros((3, 3)), np.zeros(3)
         effects.append(line_equations(lines.cells, view, 1, IDENTITY, 400.0, *sums)[-1])
-    assert effects[0] == 1.0 and 0.4 < effects[1] / CLUSTER_BEAMS < 1.2
+    assert effects[0] == 1.0 and 0.5 < effects[1] / cluster < 1.1
 
 
 def test_along_a_slanted_wall_a_hit_reaches_along_the_wall():
