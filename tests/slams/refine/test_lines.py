@@ -219,10 +219,11 @@ def test_a_full_pool_refuses_more_cells_without_harm():
     assert cells.used[0] == before + 1
 
 
-def sums_by_hand(lines, points, pose, soft):
-    """H, b of the distances to the nearer of the lines in a cell that face the laser."""
-    H, b = np.zeros((3, 3)), np.zeros(3)
-    for end in points.points[:2, : points.n].T:
+def sums_by_hand(lines, points, pose, soft, stride):
+    """H, b of distances to the nearer of the lines that face the laser, and the design effect."""
+    H, b, terms = np.zeros((3, 3)), np.zeros(3), np.zeros(points.n)
+    for k in range(0, points.n, stride):
+        end = points.points[:2, k]
         at = pose.transform(end[None])[0]
         cell = np.floor((at - FIRST) / CELL + 0.5).astype(int)
         rows = row_of(lines, *cell).astype(float).reshape(2, 4)
@@ -232,31 +233,30 @@ def sums_by_hand(lines, points, pose, soft):
             e, q = n @ at - d, at - pose[:2]
             J = np.array([*n, n[1] * q[0] - n[0] * q[1]])
             w = confidence / (1.0 + soft * e * e)
-            H, b = H + w * np.outer(J, J), b - w * e * J
-    return H, b
+            H, b, terms[k] = H + w * np.outer(J, J), b - w * e * J, w * e
+    clusters = (np.arange(points.n) + stride - 1) // math.ceil(points.n / N_CLUSTERS)
+    effect = (np.bincount(clusters, terms) ** 2).sum() / (terms @ terms)
+    return H, b, effect - 2.0 * math.sqrt(2.0 / N_CLUSTERS)
 
 
-def test_normal_equations_are_those_of_the_distances_to_lines():
+@pytest.mark.parametrize("stride", [1, 3])
+def test_normal_equations_are_those_of_the_distances_to_lines(stride):
     (lines, points), pose = mapped(), Pose2(0.03, -0.02, 0.01)
     H, b = np.zeros((3, 3)), np.zeros(3)
     view = View(points.points, points.normals, points.n, IDENTITY)
-    line_equations(lines.cells, view, 1, pose, 400.0, H, b)
-    expected_H, expected_b = sums_by_hand(lines, points, pose, 400.0)
+    *_, effect = line_equations(lines.cells, view, stride, pose, 400.0, H, b)
+    expected_H, expected_b, expected = sums_by_hand(lines, points, pose, 400.0, stride)
+    assert effect == pytest.approx(expected, rel=1e-3) and effect > 1.0
     assert pytest.approx(expected_H, rel=1e-4, abs=1e-6) == H
     assert b == pytest.approx(expected_b, rel=1e-4, abs=1e-4)
 
 
-def test_errors_that_neighbors_share_count_as_fewer_beams():
-    (lines, points), rng, effects = mapped(), np.random.default_rng(0), []
+def test_errors_of_beams_that_are_independent_have_no_design_effect():
+    (lines, points), H, b = mapped(), np.zeros((3, 3)), np.zeros(3)
     ends, normals = points.points[:2, : points.n], points.normals[:2, : points.n]
-    units = normals / np.maximum(np.hypot(*normals), 1e-9)
-    cluster = math.ceil(points.n / N_CLUSTERS)
-    for shared in (1, cluster):
-        errors = np.repeat(rng.normal(0.0, 0.01, points.n), shared)[: points.n]
-        view = View(ends + errors * units, normals, points.n, IDENTITY)
-        sums = np.zeros((3, 3)), np.zeros(3)
-        effects.append(line_equations(lines.cells, view, 1, IDENTITY, 400.0, *sums)[-1])
-    assert effects[0] == 1.0 and 0.5 < effects[1] / cluster < 1.1
+    errors = np.random.default_rng(0).normal(0.0, 0.01, points.n) * normals
+    view = View(ends + errors, normals, points.n, IDENTITY)
+    assert line_equations(lines.cells, view, 1, IDENTITY, 400.0, H, b)[-1] == 1.0
 
 
 def test_along_a_slanted_wall_a_hit_reaches_along_the_wall():

@@ -151,6 +151,14 @@ def normals_of(points, noise=0.0, step=0.02):
     return out
 
 
+@pytest.mark.parametrize(("beams", "found"), [(2, 0), (3, 3)])
+def test_a_chord_needs_three_end_points(beams, found):
+    points, out = points_of(*((2.0, 0.01 * k) for k in range(beams))), np.ones((3, beams))
+    resolution = scan_kernels.ScanResolution(0.0, 0.05, GAP_THRESHOLD)
+    scan_kernels.chords(points, beams, IDENTITY, 0.005, resolution, out)
+    assert np.count_nonzero(out[0]) == found
+
+
 def test_normals_face_the_laser_and_the_gap_is_that_between_two_beams():
     y = np.arange(-10, 11) * 0.04
     for x in (2.0, -2.0):
