@@ -63,7 +63,7 @@ def test_steady_stamps_and_a_gap_are_kept_and_stamps_that_go_back_give_an_interv
 @pytest.mark.parametrize(("along", "share"), [(0.002, 0.8), (0.0003, 0.0), (0.1, 1.0)])
 def test_errors_of_the_normals_of_a_map_give_no_information(along, share):
     seen = match_observability(1e6 * np.diag((along, 1.0, 1.0)))
-    assert seen.share == pytest.approx(share) and (share == 1.0 or abs(seen.x) == pytest.approx(1.0))
+    assert seen.share == pytest.approx(share) and (share == 1.0 or abs(seen.x) > 0.999999)
     assert match_observability(np.zeros((3, 3))) == FULLY_OBSERVED  # no beam: nothing to take out
 
 
