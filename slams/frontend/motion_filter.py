@@ -38,7 +38,6 @@ MIN_REVERSAL_TIME = 0.5  # s, within which a robot does not drive away and back
 # s over which acceleration densities and variance factors of readings are learned
 DENSITY_LEARNING_TIME, FACTOR_LEARNING_TIME = 3.0, 2.0
 MAX_DENSITY_RATE, MAX_FACTOR_RATE = 0.1, 0.5  # learning rate of one scan
-NO_NOISE = np.zeros((3, 3))
 
 
 class Prediction(NamedTuple):
@@ -87,7 +86,7 @@ class MotionFilter:
         self._last_scan: Scan | None = None
         self._last_pose = np.zeros(3)
         self._dt = 0.0
-        self._map_noise = NO_NOISE  # (3, 3), covariance that the last match added to the map
+        self._map_noise = np.zeros((3, 3))  # covariance that the last match added to the map
         self._noise_floor = MIN_MATCH_STD**2  # variances of a match by its stamp and the map
 
     @property
@@ -125,7 +124,7 @@ class MotionFilter:
             self._read(last, scan, wheels)
             state, learned = (self._z, self._P, self._map_noise), self._learned
             kernels.predict(*state, dt, learned, TWIST_CORRELATION_TIME, self._readings)
-            self._map_noise = NO_NOISE
+            self._map_noise = np.zeros((3, 3))
         return self.prediction()
 
     def prediction(self) -> Prediction:
@@ -152,11 +151,11 @@ class MotionFilter:
         with_densities, with_factors = p.learn_acceleration, p.learn_odometry
         density_rate = min(dt / DENSITY_LEARNING_TIME, MAX_DENSITY_RATE) if with_densities else 0.0
         factor_rate = min(dt / FACTOR_LEARNING_TIME, MAX_FACTOR_RATE) if with_factors else 0.0
-        rates, learned = (dt, density_rate, factor_rate), (self._learned, self._default_density)
+        how = tuple(observed), (dt, density_rate, factor_rate)
         self._map_noise = information.copy()
-        match = tuple(pose), self._map_noise, tuple(observed), rates, self._noise_floor
-        arrays = *match, self._last_pose, *learned, self._readings
-        return Pose2(*update_kernels.update(self._z, self._P, *arrays))
+        match, densities = (tuple(pose), self._map_noise), (self._learned, self._default_density)
+        arrays = self._noise_floor, self._last_pose, densities, self._readings
+        return Pose2(*update_kernels.update(self._z, self._P, match, how, *arrays))
 
     def inflate(self, factor: float) -> None:
         """Multiply the variances of the pose by a factor."""

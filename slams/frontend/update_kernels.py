@@ -226,29 +226,27 @@ def learn_factors(
 def update(
     z: Floats,
     P: Floats,
-    match: tuple[float, ...],
-    information: Floats,
-    observed: tuple[float, ...],
-    rates: tuple[float, ...],
+    match: tuple[tuple[float, ...], Floats],
+    how: tuple[tuple[float, ...], tuple[float, ...]],
     floor: Floats,
     last_pose: Floats,
-    learned: Floats,
-    default: Floats,
+    densities: tuple[Floats, Floats],
     readings: Floats,
 ) -> tuple[float, float, float]:
     """Condition the state on a match: remap, fuse, regress, learn, in place; the pose remapped.
 
-    match: pose, scan fused with prior; `information` (3, 3) of the scan about it, which is replaced
-    by the covariance K R K^T that the match adds to the map. observed: degenerate direction and the
-    share observed along it; rates: dt, learning rates of accelerations and of readings; variances
-    `floor` (3,) of a match; last_pose (3,) of the last scan.
+    match: pose, scan fused with prior; information (3, 3) of the scan about it, which is replaced
+    by the covariance K R K^T that the match adds to the map. how: degenerate direction and share
+    observed along it; dt, learning rates of accelerations and of readings. Variances `floor` (3,)
+    of a match; last_pose (3,) of the last scan; `densities`: as learned (2, 4), by default (3,).
     ours: [Roth13], a match with a large NIS inflates the covariance of the prior.
     """
-    direction, pose, prior = np.empty(2), np.empty(3), np.empty(3)
-    direction[0], direction[1], share = observed
+    fused, information = match
+    (along_x, along_y, share), (dt, density_rate, factor_rate) = how
+    learned, default = densities
+    direction, pose, prior = np.array((along_x, along_y)), np.array(fused), np.empty(3)
     for i in range(3):
-        pose[i], prior[i] = match[i], floor[i] + PRIOR_STD[i] ** 2
-    dt, density_rate, factor_rate = rates
+        prior[i] = floor[i] + PRIOR_STD[i] ** 2
     if share < 1.0:
         decouple(z, P, direction, share)
         remap(z, P, pose, information, direction, share, prior)

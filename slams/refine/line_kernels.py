@@ -133,7 +133,7 @@ def line_equations(
     H[1, 2] = H[2, 1] = hyt
     b[0], b[1], b[2] = bx, by, bt
     clustered += cluster * cluster
-    chance = 2.0 * math.sqrt(2.0 / N_CLUSTERS)  # two deviations of a variance
+    chance = 2.0 * math.sqrt(2.0 / N_CLUSTERS)  # two deviations of a mean square
     effect = max(clustered / max(independent, 1e-12) - chance, 1.0)
     return total, squares, inliers, effect
 
