@@ -264,10 +264,10 @@ def predict(
 
 @njit
 def prior(z: Floats, P: Floats, jitter: float, floor: Floats, out: Floats) -> None:
-    """Covariance and information out (2, 3, 3) of the pose, before the match of a scan.
+    """Covariance and information out (2, 3, 3) of the pose, and variances floor (3,) of a match.
 
-    ours: the variances `floor` (3,) of a match are those of its beams and of its stamp, by the
-    `jitter` [s] during which the robot moves.
+    ours: a match has the error of its beams and, as the robot moves, of its stamp, which is off by
+    `jitter` [s]. Covariance and information are those of the prior, before the match.
     """
     c, s = math.cos(z[2]), math.sin(z[2])
     velocity = c * z[TWIST] - s * z[TWIST + 1], s * z[TWIST] + c * z[TWIST + 1], z[TWIST + 2]

@@ -131,9 +131,9 @@ class MotionFilter:
         """The pose of the state as the prior of a match."""
         prior = np.empty((2, 3, 3))
         kernels.prior(self._z, self._P, self._timing.jitter, self._noise_floor, prior)
-        x, y, theta, _, _, _, *twist = self._z[:SCALE].tolist()
-        pose, matrices = Pose2(x, y, theta), (prior[1], prior[0])
-        return Prediction(pose, *matrices, Pose2(*twist), self._dt, self.wheels)
+        covariance, information = prior
+        twist = Pose2(*self._z[TWIST:SCALE].tolist())
+        return Prediction(self.pose, information, covariance, twist, self._dt, self.wheels)
 
     def twist_at(self, pose: Pose2) -> Pose2:
         """The body twist [m/s, rad/s] by regression, if the robot is at `pose`."""
@@ -153,8 +153,8 @@ class MotionFilter:
         factor_rate = min(dt / FACTOR_LEARNING_TIME, MAX_FACTOR_RATE) if with_factors else 0.0
         how = tuple(observed), (dt, density_rate, factor_rate)
         self._map_noise = information.copy()
-        match, densities = (tuple(pose), self._map_noise), (self._learned, self._default_density)
-        arrays = self._noise_floor, self._last_pose, densities, self._readings
+        match, learning = (tuple(pose), self._map_noise), (self._learned, self._default_density)
+        arrays = self._noise_floor, self._last_pose, learning, self._readings
         return Pose2(*update_kernels.update(self._z, self._P, match, how, *arrays))
 
     def inflate(self, factor: float) -> None:

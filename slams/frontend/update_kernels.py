@@ -230,20 +230,20 @@ def update(
     how: tuple[tuple[float, ...], tuple[float, ...]],
     floor: Floats,
     last_pose: Floats,
-    densities: tuple[Floats, Floats],
+    learning: tuple[Floats, Floats],
     readings: Floats,
 ) -> tuple[float, float, float]:
     """Condition the state on a match: remap, fuse, regress, learn, in place; the pose remapped.
 
     match: pose, scan fused with prior; information (3, 3) of the scan about it, which is replaced
     by the covariance K R K^T that the match adds to the map. how: degenerate direction and share
-    observed along it; dt, learning rates of accelerations and of readings. Variances `floor` (3,)
-    of a match; last_pose (3,) of the last scan; `densities`: as learned (2, 4), by default (3,).
+    observed along it; dt, learning rates of accelerations and of readings. floor (3,): variances of
+    a match; last_pose (3,) of the last scan; learning: `learned` of `predict`, default densities.
     ours: [Roth13], a match with a large NIS inflates the covariance of the prior.
     """
     fused, information = match
     (along_x, along_y, share), (dt, density_rate, factor_rate) = how
-    learned, default = densities
+    learned, default = learning
     direction, pose, prior = np.array((along_x, along_y)), np.array(fused), np.empty(3)
     for i in range(3):
         prior[i] = floor[i] + PRIOR_STD[i] ** 2
