@@ -247,8 +247,6 @@ def test_walls_stand_where_they_are_and_not_half_a_cell_beside(name):
     assert np.abs(offsets(centers)).max() < 0.2 * grid.resolution
 
 
-# carried elsewhere in its own map
-
 FIRST, THERE = Pose2(-3.0, 1.0, 0.0), Pose2(1.5, -2.0, 2.0)
 
 

@@ -71,15 +71,27 @@ def test_odometry_that_jumps_does_no_harm(algorithm, fault):
 
 
 @cache
-def stalled_in_a_corridor():
-    """Wheels that stall for 3 s in a ring of corridors, where few beams see the motion."""
-    log = degrade(simulate(Setting(arena="ring", duration=12.0, seed=130)), "stall", 3.0, 0)
+def simulated(arena, seed, stall):
+    """A log of 12 s at 10 Hz, of which the wheels stall for `stall` seconds."""
+    log = degrade(simulate(Setting(arena=arena, duration=12.0, seed=seed)), "stall", stall, 0)
     return log.select(every=round(0.1 / log.scan_period))
+
+
+@pytest.mark.parametrize(("wheels", "back"), [(True, 8), (True, 4), (False, 4)])
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_scans_and_odometry_held_back_and_stamped_later_do_no_harm(algorithm, wheels, back):
+    log, poses = simulated("office", 158, 0.0).select(odometry=wheels), []
+    slam, scans = made(algorithm), list(log)
+    source = [i - back - i % 20 if i > 50 and i % 20 in (0, 2, 4) else i for i in range(120)]
+    for i, k in enumerate(source):
+        poses.append(slam.update(dataclasses.replace(scans[k], t=scans[i].t)))
+    on_time = np.array(source) == np.arange(len(scans))
+    assert metrics.ate(np.array(poses)[on_time], log.truth_at(log.t)[on_time]) < 0.005
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_wheels_that_stall_do_no_harm_where_few_beams_see_the_motion(algorithm):
-    log = stalled_in_a_corridor()
+    log = simulated("ring", 130, 3.0)
     run = replay(made(algorithm), log)
     assert metrics.ate(run.poses, log.truth_at(run.t)) < 0.01
 

@@ -94,8 +94,6 @@ def mutated(array, rng, ways=WAYS):
         return ways[rng.integers(0, len(ways))](np.asarray(array), rng)
 
 
-# families of cases
-
 SCANS = 6
 LOG = drive(n=SCANS, rate=10.0, lidar=laser(n_beams=41))
 GOOD = 3  # pushes in a row after which the robot is found again

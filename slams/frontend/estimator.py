@@ -201,12 +201,8 @@ class PoseEstimator:
         match, match_score = best.match, best.match_score
         self.match, self._new_share = match, 1.0 - best.inliers - best.conflicts
         self.counts["in_conflict"] += best.conflicts > MAX_NOISE_CONFLICTS
-        if best.mahalanobis_squared > MATCH_GATE and best.seconds > self._prior.dt:
-            self._filter.shift(match.pose)  # too far for this interval: the scan was held back
-            self._pose = match.pose
-        else:
-            observed = self._observability(points, match)
-            self._pose = self._filter.update(match.pose, match.information, observed)
+        observed = self._observability(points, match)
+        self._pose = self._filter.update(match.pose, match.information, observed)
         if self._is_typical(best):
             self._tentative_time = 0.0
         elif self._tentative_time <= 0.0 and (self._lost or self._prediction_rejected):
@@ -243,7 +239,8 @@ class PoseEstimator:
         self.quality = max(best.match_score, 0.0) if best else 0.0
         # without mapping, a robot in new ground would never match again
         limit = MAX_UNMATCHED_TIME if self._has_odometry else MAX_UNMATCHED_TIME_LASER_ONLY
-        self.may_map = new_share > 0.0 and self._unmatched_time > limit
+        is_on_new_ground = new_share > 0.0 and not self._prediction_rejected
+        self.may_map = is_on_new_ground and self._unmatched_time > limit
         self._set_state(False, self._lost)
         if self._lost or self._prediction_rejected:
             self._relocalize(grid)

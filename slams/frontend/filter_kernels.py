@@ -16,6 +16,7 @@ import math
 
 import numpy as np
 
+from slams.frontend.step_kernels import MAX_RATE_CHANGE, isolate
 from slams.geometry import inverse3, wrap_angle
 from slams.jit import njit
 from slams.types import Floats
@@ -245,7 +246,9 @@ def predict(
     (2, 4): acceleration densities (3) and variance factors of the readings (4); tau (3,) [s],
     correlation times of the twist; readings (4, 7), see the columns. The noise of wheels is
     [Thrun05] 5.4. ours: a reading with a large factor is a fault, not noise, and is not used:
-    stalled wheels would stop the estimate of a robot that drives in a bare corridor.
+    stalled wheels would stop the estimate of a robot that drives in a bare corridor. A reading with
+    a change of rate that no robot has is of another time, as that of a scan that was held back: it
+    moves the step alone, and the twist stays.
     """
     P[:3, :3] += map_noise
     propagate(z, P, dt, learned[0], tau)
@@ -256,6 +259,9 @@ def predict(
         if readings[i, VALID] != 0.0 and learned[1, i] < FAULTY_FACTOR:
             readings[i, USED_VARIANCE] = readings[i, VARIANCE] * learned[1, i]
             residual = linearize(z, dt, i, readings, buffer[2])
+            if abs(readings[i, RATE_CHANGE]) > MAX_RATE_CHANGE:
+                buffer[2, SCALE:] = 0.0
+                isolate(P, STEP)
             inflate(P, i, residual * residual, readings, buffer)
             fuse(z, P, buffer[2], residual, readings[i, USED_VARIANCE], buffer)
     compose(z, P)

@@ -20,6 +20,7 @@ from slams.frontend.filter_kernels import (
     VARIANCE,
 )
 from slams.frontend.params import FrontendParams
+from slams.frontend.step_kernels import is_jump, midpoint_step
 from slams.frontend.timing import MIN_LASER_OFFSET, LaserTimings
 from slams.frontend.wheels import WheelStep, WheelSteps
 from slams.geometry import inverse3
@@ -84,7 +85,7 @@ class MotionFilter:
         self._gyro_rate = math.nan  # rad/s, in the last step
         self._timing = LaserTimings(params.smooth_stamps)
         self._last_scan: Scan | None = None
-        self._last_pose = np.zeros(3)
+        self._last = np.zeros(3), np.full(3, np.nan)  # pose, rate of the last matched step
         self._dt = 0.0
         self._map_noise = np.zeros((3, 3))  # covariance that the last match added to the map
         self._noise_floor = MIN_MATCH_STD**2  # variances of a match by its stamp and the map
@@ -114,7 +115,7 @@ class MotionFilter:
         scan = scan.at_mid_sweep
         last, self._last_scan = self._last_scan, scan
         self._dt = dt = self._timing.elapsed(scan.t, scan.laser.mount)
-        self._last_pose[:] = self._z[:3]
+        self._last[0][:] = self._z[:3]
         self.wheels = False
         wheels = self._wheel_steps.take(scan.odometry, dt)
         if last is None:
@@ -136,8 +137,12 @@ class MotionFilter:
         return Prediction(self.pose, information, covariance, twist, self._dt, self.wheels)
 
     def twist_at(self, pose: Pose2) -> Pose2:
-        """The body twist [m/s, rad/s] by regression, if the robot is at `pose`."""
-        difference = np.array((pose.x, pose.y, pose.theta)) - self._z[:3]
+        """The body twist [m/s, rad/s] by regression, if the robot is at `pose` without a jump."""
+        (last_pose, last_rate), at, step = self._last, np.array(pose), np.empty(3)
+        midpoint_step(last_pose, at, step)
+        if is_jump(step, self._dt, last_rate.copy()):
+            return Pose2(*self._z[TWIST:SCALE].tolist())
+        difference = at - self._z[:3]
         difference[2] = wrap_angle(float(difference[2]))
         gain = self._P[TWIST:SCALE, :3] @ inverse3(self._P[:3, :3])
         return Pose2(*(self._z[TWIST:SCALE] + gain @ difference).tolist())
@@ -154,7 +159,7 @@ class MotionFilter:
         how = tuple(observed), (dt, density_rate, factor_rate)
         self._map_noise = information.copy()
         match, learning = (tuple(pose), self._map_noise), (self._learned, self._default_density)
-        arrays = self._noise_floor, self._last_pose, learning, self._readings
+        arrays = self._noise_floor, self._last, learning, self._readings
         return Pose2(*update_kernels.update(self._z, self._P, match, how, *arrays))
 
     def inflate(self, factor: float) -> None:

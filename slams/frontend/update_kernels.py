@@ -35,6 +35,7 @@ from slams.frontend.filter_kernels import (
     scale_rows,
     symmetrize,
 )
+from slams.frontend.step_kernels import is_jump, isolate, midpoint_step
 from slams.geometry import STUDENT_DOF, inverse3, mahalanobis_squared, wrap_angle
 from slams.jit import njit
 from slams.types import Floats, Pose2
@@ -229,7 +230,7 @@ def update(
     match: tuple[tuple[float, ...], Floats],
     how: tuple[tuple[float, ...], tuple[float, ...]],
     floor: Floats,
-    last_pose: Floats,
+    last: tuple[Floats, Floats],
     learning: tuple[Floats, Floats],
     readings: Floats,
 ) -> tuple[float, float, float]:
@@ -238,12 +239,13 @@ def update(
     match: pose, scan fused with prior; information (3, 3) of the scan about it, which is replaced
     by the covariance K R K^T that the match adds to the map. how: degenerate direction and share
     observed along it; dt, learning rates of accelerations and of readings. floor (3,): variances of
-    a match; last_pose (3,) of the last scan; learning: `learned` of `predict`, default densities.
-    ours: [Roth13], a match with a large NIS inflates the covariance of the prior.
+    a match; last: pose (3,) of the last scan, rate (3,) of the step to it; learning: `learned` of
+    `predict`, default densities. ours: a jump moves the pose alone; [Roth13], a match with a large
+    NIS inflates the covariance of the prior.
     """
     fused, information = match
     (along_x, along_y, share), (dt, density_rate, factor_rate) = how
-    learned, default = learning
+    (learned, default), (last_pose, last_rate) = learning, last
     direction, pose, prior = np.array((along_x, along_y)), np.array(fused), np.empty(3)
     for i in range(3):
         prior[i] = floor[i] + PRIOR_STD[i] ** 2
@@ -254,6 +256,9 @@ def update(
     variance, posterior = np.empty(3), np.empty((3, 3))
     for i in range(3):
         change[i], variance[i] = z[TWIST + i], P[TWIST + i, TWIST + i]
+    midpoint_step(last_pose, pose, step)
+    if is_jump(step, dt, last_rate):
+        isolate(P, POSE)
     offset_from(z, pose, d)
     nis = mahalanobis_squared(inverse3(P[:3, :3] + np.diag(prior)), Pose2(d[0], d[1], d[2]))
     factor = (STUDENT_DOF + min(nis, MAX_NIS)) / (STUDENT_DOF + 3.0)
@@ -287,12 +292,3 @@ def pose_at_stamp(z: Floats, P: Floats, pose: Floats, floor: Floats, out: Floats
         for k in range(3):
             out[i] += P[i, k] * (W[k, 0] * d[0] + W[k, 1] * d[1] + W[k, 2] * d[2])
     out[2] = wrap_angle(out[2])
-
-
-@njit(inner=True, borrows=True)
-def midpoint_step(before: Floats, pose: Floats, out: Floats) -> None:
-    """Step (3,) between two poses in the frame at half of the rotation. ours."""
-    dx, dy, rotation = pose[0] - before[0], pose[1] - before[1], wrap_angle(pose[2] - before[2])
-    half = before[2] + 0.5 * rotation
-    c, s = math.cos(half), math.sin(half)
-    out[0], out[1], out[2] = c * dx + s * dy, c * dy - s * dx, rotation

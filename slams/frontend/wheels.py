@@ -61,10 +61,10 @@ class WheelSteps:
         elif self._unchanged < MIN_CHANGE_RATIO * self._interval:
             return None
         self._since = 0.0
-        if is_reset(step, since):
-            return None
         rate = tuple(value / max(since, MIN_LASER_OFFSET) for value in step)
         last_rate, self._rate = self._rate or rate, rate
+        if is_reset(step, since):
+            return None
         change = (after - before for before, after in zip(last_rate, rate, strict=True))
         return WheelStep(step, since, Pose2(*change))
 

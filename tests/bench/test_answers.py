@@ -95,8 +95,6 @@ def test_figures_of_a_row_count_levels_clean_logs_and_what_was_reported():
     assert found.dearest == pytest.approx(3.0)
 
 
-# answers
-
 TESTS = 2  # of each pair: survival and accuracy
 
 

@@ -16,8 +16,6 @@ from slams.formats.options import SourceOptions
 from slams.registry import names
 from tests.rooms import drive
 
-# options of single algorithms
-
 
 def choice_of(*words):
     arguments = compare_options.parser().parse_args(words)

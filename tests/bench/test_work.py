@@ -145,8 +145,6 @@ def test_ctrl_c_is_for_the_parent_to_decide():
     assert ended.value == "went on"
 
 
-# killed, interrupted, ended
-
 PATIENCE = 60.0  # s, for what happens in moments on a machine with nothing else to do
 DRIVER = """
 import sys
@@ -265,8 +263,6 @@ def test_an_exception_nobody_catches_does_not_wait_for_the_others(tmp_path):
     assert ends(processes_of(process.pid))
     assert len(results(tmp_path / "store")) == 1
 
-
-# a command that is ended: nothing is half-written
 
 PLUGIN = """
 import time

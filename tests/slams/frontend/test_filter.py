@@ -239,6 +239,22 @@ def test_a_scan_that_was_kept_back_costs_the_wheels_no_weight(seconds, costs):
     assert (most > 2.0) == costs  # no recorder keeps a scan back for a second
 
 
+@pytest.mark.parametrize("wheels", [True, False])
+@pytest.mark.parametrize("axis", [0, 2])
+def test_a_jump_and_the_way_back_leave_twist_and_calibration(axis, wheels):
+    motion, direction, twists = MotionFilter(FrontendParams()), np.eye(3)[axis], []
+    for k in range(40):
+        pose = Pose2(*(0.05 * (k - 10 * (k == 30)) * direction))
+        calibration = motion._z[kernels.SCALE :].copy()
+        motion.predict(scan(0.1 * k, pose if wheels else None))
+        twists.append(motion.twist_at(pose)[axis])
+        motion.update(pose, SHARP, FULLY_OBSERVED)
+        if k in (30, 31):
+            np.testing.assert_allclose(motion._z[kernels.SCALE :], calibration, atol=1e-9)
+    assert motion.pose[axis] == pytest.approx(39 * 0.05, abs=1e-3)
+    np.testing.assert_allclose(twists[20:], 0.5, atol=0.02)
+
+
 def test_a_map_that_drifts_with_its_matches_constrains_the_gyro_bias_little():
     """Matches within 2 mrad of a map made of them: the random walk of the map is left after 5 s."""
     motion = MotionFilter(FrontendParams())
@@ -253,9 +269,8 @@ def test_what_a_scan_does_not_observe_stays_at_the_prediction():
     motion, still = MotionFilter(FrontendParams()), IDENTITY
     drive(motion, ((scan(0.1 * k), still) for k in range(5)))
     prior = motion.predict(scan(0.5))
-    motion.update(
-        Pose2(prior.pose.x + 0.02, prior.pose.y, 0.0), SHARP, Observability(1.0, 0.0, 0.0)
-    )
+    moved = Pose2(prior.pose.x + 0.02, prior.pose.y, 0.0)
+    motion.update(moved, SHARP, Observability(1.0, 0.0, 0.0))
     assert abs(motion.pose.x - prior.pose.x) < 1e-3
     assert motion.covariance[0, 0] > 20.0 * motion.covariance[1, 1]
 
@@ -278,10 +293,8 @@ def test_the_covariance_is_positive_definite_whatever_comes(seed):
         if rng.random() < 0.7:
             off = rng.normal(0.0, 10.0 ** rng.uniform(-4, 1), 3)
             pose = Pose2(*(np.array(motion.pose) + off).tolist())
-            seen = (
-                Observability(1.0, 0.0, float(rng.choice((0.0, 0.5)))) if k % 3 else FULLY_OBSERVED
-            )
-            motion.update(pose, information, seen)
+            along = Observability(1.0, 0.0, float(rng.choice((0.0, 0.5))))
+            motion.update(pose, information, along if k % 3 else FULLY_OBSERVED)
             assert is_covariance(motion._P), k
 
 

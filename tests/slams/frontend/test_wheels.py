@@ -16,7 +16,7 @@ from slams.frontend.ranking import Candidate
 from slams.frontend.wheels import WheelSteps
 from slams.refine.lines import Match
 from slams.types import IDENTITY, Pose2
-from tests.rooms import LIDAR, made, scan_at, settled, still
+from tests.rooms import LIDAR, scan_at, settled, still
 from tests.slams.frontend.test_filter import SHARP, scan
 
 
@@ -94,37 +94,26 @@ def test_against_wheels_a_good_match_is_taken_only_where_a_robot_gets_in_half_a_
         assert pose == pytest.approx(turned if state == "matched" else IDENTITY, abs=0.02)
 
 
-@pytest.mark.parametrize("wheels", [True, False])
-def test_a_scan_that_was_kept_back_shows_where_the_robot_was(wheels):
-    """And the next scan shows where it is; the velocity does not jump."""
-    slam = made("hector")
-    path = [Pose2(0.05 * k, 0.0, 0.01 * k) for k in range(60)]
-    for k in range(60):
-        taken = path[k - 16 if k == 50 else k]
-        pose = slam.update(scan_at(taken, LIDAR, t=0.1 * k, odometry=taken if wheels else None))
-        if k >= 50:
-            assert pose == pytest.approx(taken, abs=0.03) and slam.state == "matched"
-
-
 def test_a_score_is_that_of_scan_and_prior():
     near, far = (Candidate(Match(IDENTITY), square, 0.0, 0.8, 0.1) for square in (0.0, 400.0))
     assert near.score == near.match_score == pytest.approx(0.7)
     assert far.match_score == near.match_score and far.score < near.score - 0.1
 
 
-@pytest.mark.parametrize(("shares", "maps"), [((0.0, 0.2), True), ((0.05, 0.45), False)])
-def test_where_nothing_matches_new_ground_enters_the_map(shares, maps, monkeypatch):
+@pytest.mark.parametrize(
+    ("shares", "maps", "later"),
+    [((0.0, 0.2), True, 0.2), ((0.05, 0.45), False, 0.45), ((0.05, 0.45), False, 0.2)],
+)
+def test_where_nothing_matches_new_ground_enters_the_map(shares, maps, later, monkeypatch):
     slam = settled("hector", 5, odometry=IDENTITY)
-    monkeypatch.setattr(slam._map, "evaluate", lambda points, pose: shares)
     slam._estimator._mean_score = 1.0
     for k in range(5, 20):
+        shares = (shares[0], later) if k > 13 else shares
+        monkeypatch.setattr(slam._map, "evaluate", lambda points, pose: shares)  # noqa: B023
         slam.update(still(k, odometry=IDENTITY))
         seconds = 0.1 * (k - 4)
         if abs(seconds - MAX_UNMATCHED_TIME) > 0.05:
             assert slam._estimator.may_map == (maps and seconds > MAX_UNMATCHED_TIME)
-
-
-# where a paper's match starts
 
 
 def test_the_start_is_the_last_pose_moved_by_the_wheels():

@@ -224,8 +224,6 @@ def test_every_mapped_name_is_taken_by_the_original(tmp_path, name):
         assert fates(taken)[alias] == "mapped", alias
 
 
-# files that a launch file loads, as TurtleBot3's for gmapping does
-
 LOADING = """<launch>
   <arg name="file" default="gmapping_params.yaml"/>
   <include file="$(find a)/b.launch"/>
@@ -265,8 +263,6 @@ def test_a_file_that_changes_nothing_is_refused(tmp_path):
         assert str(caught.value).startswith(f"{frames}: ")
         assert "(base_frame)" in str(caught.value)
 
-
-# launch files as they are found in the wild
 
 NODES, KNOWN = ("gmapping", "slam_gmapping"), ("delta", "particles", "xmin")
 NODE = '<node pkg="gmapping" type="slam_gmapping" name="slam">{}</node>'
