@@ -85,7 +85,8 @@ class MotionFilter:
         self._gyro_rate = math.nan  # rad/s, in the last step
         self._timing = LaserTimings(params.smooth_stamps)
         self._last_scan: Scan | None = None
-        self._last = np.zeros(3), np.full(3, np.nan)  # pose, rate of the last matched step
+        # pose of the last scan; rate of the last step that was matched
+        self._last = np.zeros(3), np.full(3, np.nan)
         self._dt = 0.0
         self._map_noise = np.zeros((3, 3))  # covariance that the last match added to the map
         self._noise_floor = MIN_MATCH_STD**2  # variances of a match by its stamp and the map
