@@ -239,8 +239,8 @@ class PoseEstimator:
         self.quality = max(best.match_score, 0.0) if best else 0.0
         # without mapping, a robot in new ground would never match again
         limit = MAX_UNMATCHED_TIME if self._has_odometry else MAX_UNMATCHED_TIME_LASER_ONLY
-        is_on_new_ground = new_share > 0.0 and not self._prediction_rejected
-        self.may_map = is_on_new_ground and self._unmatched_time > limit
+        is_in_new_ground = new_share > 0.0 and not self._prediction_rejected
+        self.may_map = is_in_new_ground and self._unmatched_time > limit
         self._set_state(False, self._lost)
         if self._lost or self._prediction_rejected:
             self._relocalize(grid)

@@ -141,7 +141,7 @@ class MotionFilter:
         """The body twist [m/s, rad/s] by regression, if the robot is at `pose` without a jump."""
         (last_pose, last_rate), at, step = self._last, np.array(pose), np.empty(3)
         midpoint_step(last_pose, at, step)
-        if is_jump(step, self._dt, last_rate.copy()):
+        if is_jump(step, self._dt, last_rate):
             return Pose2(*self._z[TWIST:SCALE].tolist())
         difference = at - self._z[:3]
         difference[2] = wrap_angle(float(difference[2]))

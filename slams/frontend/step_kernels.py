@@ -13,7 +13,8 @@ from slams.geometry import wrap_angle
 from slams.jit import njit
 from slams.types import Floats
 
-MAX_RATE_CHANGE = 3.0  # m/s, rad/s, of a robot from one scan to the next
+# m/s, rad/s, between two steps of a robot; by acceleration, stamps that jitter would be jumps
+MAX_RATE_CHANGE = 3.0
 
 
 @njit(inner=True, borrows=True)
@@ -27,15 +28,14 @@ def midpoint_step(before: Floats, pose: Floats, out: Floats) -> None:
 
 @njit(inner=True, borrows=True)
 def is_jump(step: Floats, dt: float, rate: Floats) -> bool:
-    """Whether a step (3,) in dt [s] has another rate than the last one, `rate` (3,), by too much.
+    """Whether no robot makes a step (3,) in dt [s] after one of this rate (3,).
 
-    ours: `rate` becomes that of the step. So a robot that is pushed jumps for one scan only, and a
-    wrong twist does not last.
+    ours: by the rate of the last step, not by the twist, so that a wrong twist does not last, and a
+    robot that is pushed jumps for one scan only.
     """
     change = 0.0
     for i in range(3):
-        last, rate[i] = rate[i], step[i] / max(dt, MIN_LASER_OFFSET)
-        change = max(change, abs(rate[i] - last))
+        change = max(change, abs(step[i] / max(dt, MIN_LASER_OFFSET) - rate[i]))
     return change > MAX_RATE_CHANGE
 
 

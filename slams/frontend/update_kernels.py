@@ -36,6 +36,7 @@ from slams.frontend.filter_kernels import (
     symmetrize,
 )
 from slams.frontend.step_kernels import is_jump, isolate, midpoint_step
+from slams.frontend.timing import MIN_LASER_OFFSET
 from slams.geometry import STUDENT_DOF, inverse3, mahalanobis_squared, wrap_angle
 from slams.jit import njit
 from slams.types import Floats, Pose2
@@ -259,6 +260,8 @@ def update(
     midpoint_step(last_pose, pose, step)
     if is_jump(step, dt, last_rate):
         isolate(P, POSE)
+    for i in range(3):
+        last_rate[i] = step[i] / max(dt, MIN_LASER_OFFSET)
     offset_from(z, pose, d)
     nis = mahalanobis_squared(inverse3(P[:3, :3] + np.diag(prior)), Pose2(d[0], d[1], d[2]))
     factor = (STUDENT_DOF + min(nis, MAX_NIS)) / (STUDENT_DOF + 3.0)

@@ -108,8 +108,8 @@ def test_where_nothing_matches_new_ground_enters_the_map(shares, maps, later, mo
     slam = settled("hector", 5, odometry=IDENTITY)
     slam._estimator._mean_score = 1.0
     for k in range(5, 20):
-        shares = (shares[0], later) if k > 13 else shares
-        monkeypatch.setattr(slam._map, "evaluate", lambda points, pose: shares)  # noqa: B023
+        found = (shares[0], later) if k > 13 else shares
+        monkeypatch.setattr(slam._map, "evaluate", lambda points, pose, found=found: found)
         slam.update(still(k, odometry=IDENTITY))
         seconds = 0.1 * (k - 4)
         if abs(seconds - MAX_UNMATCHED_TIME) > 0.05:
