@@ -253,7 +253,8 @@ class Confident(Protocol):
 
 def against_map(slam: Any) -> Any:
     """Covariance of the last pose relative to the map around it, else to the first pose."""
-    return getattr(slam, "local_covariance", getattr(slam, "covariance", None))
+    local = getattr(slam, "local_covariance", None)
+    return getattr(slam, "covariance", None) if local is None else local
 
 
 @runtime_checkable

@@ -97,6 +97,10 @@ class LoopDetector:
                     return loops
         return []
 
+    def skip(self) -> None:
+        """Search next beyond the local map of the last loop, which has confirmed the graph."""
+        self._last_query_path += LOCAL_MAP_RADIUS
+
     def verify_jump(self, map_poses: Sequence[Pose2], pose: Pose2) -> LoopEdge | None:
         """The loop by which the last keyframe is at `pose` in the algorithm's map, if verified.
 
@@ -134,10 +138,12 @@ class LoopDetector:
         covariances = graph.uncertainty(later)[old]
         distances = np.hypot(*(graph.poses[old, :2] - graph.poses[later, :2]).T)
         deviation = np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
-        reach = LOCAL_MAP_RADIUS + LOOP_SEARCH_DEVIATIONS * deviation
-        chosen = self._nearest(old, distances, distances < reach)
-        if not chosen:
+        reach = LOOP_SEARCH_DEVIATIONS * deviation
+        is_near = distances < LOCAL_MAP_RADIUS + reach
+        if not is_near.any():
             return None
+        is_near &= distances <= np.maximum(AMBIGUITY_DISTANCE + reach, distances[is_near].min())
+        chosen = self._nearest(old, distances, is_near)
         is_certain = bool(deviation[chosen[0]] < MAX_CERTAIN_STD)
         candidates = [
             (int(old[k]), graph.step(int(old[k]), later), covariances[k])
@@ -256,13 +262,11 @@ class LoopDetector:
         path = self._graph.path[[match.edge.later for match in self._hypothesis]]
         ready = len(path) >= MIN_CONFIRMATIONS and np.ptp(path) >= MIN_CONFIRMATIONS * QUERY_SPACING
         scores = [match.score for match in self._hypothesis]
-        if ready and np.mean(scores) >= MIN_UNPREDICTED_SCORE:
-            loops = [match.edge for match in self._hypothesis]
+        is_confirmed = ready and np.mean(scores) >= MIN_UNPREDICTED_SCORE
+        loops = [match.edge for match in self._hypothesis] if is_confirmed else []
+        if is_confirmed or self._unmatched >= MAX_UNMATCHED_KEYFRAMES:
             self._hypothesis = []
-            return loops
-        if self._unmatched >= MAX_UNMATCHED_KEYFRAMES:
-            self._hypothesis = []
-        return []
+        return loops
 
     def _best(self, query: Query) -> VerifiedMatch | None:
         """The best match, unless a match at another place is nearly as good."""

@@ -104,12 +104,8 @@ class PoseGraph:
         by_pair = np.argsort(pairs, kind="stable")
         index = np.searchsorted(pairs[by_pair], (earlier * n + later)[is_loop])
         added[is_loop] = noise[by_pair[index]]
-        R = np.zeros((n - 1, 3, 3))
-        R[:, 0, 0] = R[:, 1, 1] = np.cos(self.poses[earlier, 2])
-        R[:, 1, 0] = np.sin(self.poses[earlier, 2])
-        R[:, 0, 1], R[:, 2, 2] = -R[:, 1, 0], 1.0
         out = np.zeros((n, 3, 3))
-        propagate(self.poses, order, parents, R @ added @ R.transpose(0, 2, 1), out)
+        propagate(self.poses, order, parents, added, out)
         return out
 
     def iterate(self) -> float:

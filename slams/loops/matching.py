@@ -1,8 +1,4 @@
-"""Match a keyframe with the local map of other keyframes, from a pose known to meters only.
-
-[LuMilios97] F. Lu, E. Milios: Globally Consistent Range Scan Alignment for Environment Mapping.
-Autonomous Robots 4, 1997.
-"""
+"""Match a keyframe with the local map of other keyframes, from a pose known to meters only."""
 
 from __future__ import annotations
 
@@ -12,11 +8,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slams.frontend.correlative import LikelihoodField, Window, search
 from slams.frontend.degeneracy import scan_observability
 from slams.geometry import Prior
+from slams.loops.visibility_kernels import CONFLICT, INLIER, check_visibility
 from slams.refine.lines import LineMap, Match
 from slams.refine.params import RefineParams
 from slams.scan.end_points import EndPoints
@@ -25,7 +21,6 @@ from slams.types import IDENTITY, Floats, Pose2, Scan
 LOCAL_MAP_CELL = 0.1  # m, edge of a cell of the likelihood field and of the lines
 ADJACENT_CELL_LIKELIHOOD = 0.6  # of the cells next to one with an end point, which has 1
 MAX_LOCAL_MAP_RANGE = 15.0  # m: farther end points are too far apart to draw a wall
-VISIBILITY_TOLERANCE = 0.15  # m that the ranges of two scans to one wall may differ
 LOCAL_MAP_PARAMS = RefineParams()  # defaults, so that no setting of the algorithm changes loops
 MAX_POSITION_SPREAD = 0.3  # m, deviation of near-best positions; beyond it an axis is degenerate
 NEAR_BEST_MARGIN = 0.05  # of likelihood: poses with at most so much less match equally well
@@ -108,12 +103,14 @@ class LocalMap:
 
     def match_score(self, ends: Floats, pose: Pose2) -> float:
         """Inlier ratio less the ratio of free-space conflicts, of end points (2, n) at a pose."""
-        inliers, conflicts = np.zeros((2, ends.shape[1]), np.bool_)
+        seen = np.zeros(ends.shape[1], np.uint8)
         for other, at in zip(self.keyframes, self.poses, strict=True):
-            placed = (at @ other.scan.laser.mount).between(pose).transform(ends.T)
-            of_scan = check_visibility(placed, other.scan)
-            inliers, conflicts = inliers | of_scan[0], conflicts | of_scan[1]
-        return float(inliers.sum() - (conflicts & ~inliers).sum()) / max(len(inliers), 1)
+            laser = other.scan.laser
+            fan = laser.angle_min, laser.angle_increment, laser.range_max
+            ranges = np.minimum(other.scan.ranges.astype(np.float64), laser.range_max)
+            check_visibility(ends, (at @ laser.mount).between(pose), ranges, fan, seen)
+        inliers, conflicts = np.count_nonzero(seen & INLIER), np.count_nonzero(seen == CONFLICT)
+        return float(inliers - conflicts) / max(len(seen), 1)
 
     @cached_property
     def _lines(self) -> LineMap:
@@ -124,26 +121,6 @@ class LocalMap:
             points, frame = read_end_points(key.scan, key.twist)
             lines.insert(points, pose @ frame)
         return lines
-
-
-def check_visibility(points: Floats, scan: Scan) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Masks (n,) of the inliers and of the free-space conflicts of points (n, 2) [m] with a scan.
-
-    [LuMilios97] Points are in the laser's frame. A point within the ranges of the neighboring beams
-    is an inlier. A point that all of these beams passed is a conflict. A hidden point is neither.
-    """
-    laser, (x, y) = scan.laser, points.T
-    ranges = np.minimum(scan.ranges.astype(float), laser.range_max)
-    ranges = np.pad(ranges, 1, constant_values=math.nan)
-    neighbors = ranges[:-2], ranges[1:-1], ranges[2:]
-    low, high = (np.append(f.reduce(neighbors), math.nan) for f in (np.fmin, np.fmax))
-    angle = np.copysign(1.0, laser.angle_increment) * (np.arctan2(y, x) - laser.angle_min)
-    beam = (angle % (2.0 * math.pi) / abs(laser.angle_increment) + 0.5).astype(int)
-    low, high = (limit[np.minimum(beam, len(scan.ranges))] for limit in (low, high))
-    r = np.sqrt(x * x + y * y)
-    tolerance = VISIBILITY_TOLERANCE + abs(laser.angle_increment) * r
-    inliers = (low < laser.range_max) & (low - tolerance <= r) & (r <= high + tolerance)
-    return inliers, (high > 0.0) & (r < low - tolerance)
 
 
 def observable_part(points: EndPoints, theta: float, spread: Floats) -> Floats:

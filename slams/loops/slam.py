@@ -175,10 +175,12 @@ class Looped:
     def _variances(self, theta: float) -> Floats:
         """Variances (3,) of the pose against the map: along a heading, across it, of the yaw."""
         covariance = against_map(self.slam)
-        if covariance is None or not np.isfinite(covariance).all():
+        if covariance is None:
+            return np.zeros(3)
+        (xx, xy, _), (_, yy, _), (_, _, yaw) = covariance.tolist()
+        if not math.isfinite(xx + yy + yaw):
             return np.zeros(3)
         c, s = math.cos(theta), math.sin(theta)
-        xx, xy, yy, yaw = covariance[0, 0], covariance[0, 1], covariance[1, 1], covariance[2, 2]
         along = c * c * xx + 2.0 * c * s * xy + s * s * yy
         return np.array((along, xx + yy - along, yaw))
 
@@ -224,6 +226,8 @@ class Looped:
             self.graph.loops += loops
             errors = [pose_distance(self.graph.step(*edge[:2]), edge.pose) for edge in loops]
             self._is_optimizing = max(errors) > MIN_CORRECTION
+            if not self._is_optimizing:
+                self._detector.skip()
             return pose
         self._pause -= 1
         if self._redraw is None:

@@ -8,11 +8,12 @@ from scipy.optimize import least_squares
 
 from slams.frontend.correlative import Window
 from slams.loops import matching
+from slams.loops import visibility_kernels as visibility
 from slams.loops.graph import LoopEdge, PoseGraph
 from slams.loops.matching import LocalMap, keyframe, read_end_points
 from slams.refine.lines import Match
 from slams.test_world import drive, laser, scan_at
-from slams.types import IDENTITY, Laser, Pose2, Scan, wrap_angle
+from slams.types import IDENTITY, Pose2, wrap_angle
 
 VARIANCES = np.array((0.02, 0.01, 0.005)) ** 2
 INFORMATION = np.diag((1e3, 1e3, 1e4))
@@ -123,13 +124,13 @@ def test_free_space_conflicts_lower_the_score():
 @pytest.mark.parametrize("step", [0.1, -0.1])
 def test_inliers_and_conflicts_of_a_scan_by_hand(step):
     """Seven beams to one side: a wall 4 m off, then one 2 m off, no return, and nothing known."""
-    ranges = np.array([4.0, 4.0, 4.0, 2.0, math.inf, math.nan], np.float32)
-    scan = Scan(0.0, ranges, Laser(0.0, step, 7, 0.1, 10.0))  # cut short: a beam is missing
+    ranges = np.array([4.0, 4.0, 4.0, 2.0, 10.0, math.nan])
+    fan = 0.0, step, 10.0  # the seventh beam is missing
     cases = [  # beam, range [m], inlier, conflict; a tenth of the range is allowed, too
-        (1, 4.0 + 0.3 + matching.VISIBILITY_TOLERANCE, True, False),
-        (1, 4.0 - 0.3 - matching.VISIBILITY_TOLERANCE, True, False),
-        (1, 4.0 - 0.4 - matching.VISIBILITY_TOLERANCE, False, True),
-        (1, 4.0 + 0.6 + matching.VISIBILITY_TOLERANCE, False, False),  # hidden
+        (1, 4.0 + 0.3 + visibility.VISIBILITY_TOLERANCE, True, False),
+        (1, 4.0 - 0.3 - visibility.VISIBILITY_TOLERANCE, True, False),
+        (1, 4.0 - 0.4 - visibility.VISIBILITY_TOLERANCE, False, True),
+        (1, 4.0 + 0.6 + visibility.VISIBILITY_TOLERANCE, False, False),  # hidden
         (2, 3.0, True, False),  # between the two walls
         (2, 1.0, False, True),
         (3, 2.0, True, False),
@@ -139,9 +140,10 @@ def test_inliers_and_conflicts_of_a_scan_by_hand(step):
         (-20, 4.0, False, False),
     ]
     at = [(r * math.cos(k * step), r * math.sin(k * step)) for k, r, *_ in cases]
-    inliers, conflicts = matching.check_visibility(np.array(at), scan)
-    assert inliers.tolist() == [case[2] for case in cases]
-    assert conflicts.tolist() == [case[3] for case in cases]
+    seen = np.zeros(len(cases), np.uint8)
+    visibility.check_visibility(np.array(at).T.copy(), IDENTITY, ranges, fan, seen)
+    assert (seen & visibility.INLIER > 0).tolist() == [case[2] for case in cases]
+    assert (seen & visibility.CONFLICT > 0).tolist() == [case[3] for case in cases]
 
 
 def test_a_cell_next_to_one_with_a_wall_is_less_likely():

@@ -14,7 +14,9 @@ from bench.sim.simulation import simulate
 from slams import metrics
 from slams.loops import LoopEdge, PoseGraph
 from slams.loops.detector import (
+    AMBIGUITY_DISTANCE,
     LOCAL_MAP_RADIUS,
+    LOOP_SEARCH_DEVIATIONS,
     MAX_UNMATCHED_KEYFRAMES,
     LoopDetector,
     Query,
@@ -28,6 +30,8 @@ from slams.scanlog import TimeSeries
 from slams.types import IDENTITY, Corrected, Pose2
 from tests.rooms import ALGORITHMS, driven, still
 from tests.wheels import Drifting
+
+INFORMATION = np.diag((1e3, 1e3, 1e4))
 
 
 @cache
@@ -220,7 +224,7 @@ def to_and_fro(times):
 
 
 def suppose(detector, later, pose=IDENTITY):
-    edge = LoopEdge(0, later, pose, np.diag((1e3, 1e3, 1e4)))
+    edge = LoopEdge(0, later, pose, INFORMATION)
     detector._hypothesis, detector._checked = [VerifiedMatch(edge, 0.8, True)], [later]
 
 
@@ -357,3 +361,25 @@ def test_a_place_has_one_candidate_for_each_direction():
         same = graph.poses[graph.path < graph.path[query.later] - 10.0]
         same = same[np.cos(same[:, 2]) * heading > 0.0, 0]
         assert np.abs(same[:, None] - places).min(axis=1).max() <= LOCAL_MAP_RADIUS
+
+
+def test_only_places_that_the_covariance_allows_are_candidates():
+    detector, graph = detector_of(to_and_fro(4), variances=2e-4)
+    query = detector._next_query()
+    places = np.array([graph.poses[k, 0] for k, *_ in query.candidates])
+    deviation = max(math.sqrt(S[0, 0] + S[1, 1]) for *_, S in query.candidates)
+    assert not query.is_predicted and len(places) > 1
+    far = np.abs(places - graph.poses[query.later, 0]).max()
+    assert far < AMBIGUITY_DISTANCE + LOOP_SEARCH_DEVIATIONS * deviation < LOCAL_MAP_RADIUS
+
+
+@pytest.mark.parametrize(("off", "waits"), [(0.2, True), (2.0, False)])
+def test_after_a_loop_that_confirms_the_graph_the_next_search_waits(off, waits):
+    slam = new()
+    for k in range(12):
+        slam.update(still(k, odometry=Pose2(0.5 * k, 0.0, 0.0)))
+    step = slam.graph.step(0, 8) @ Pose2(off * MIN_CORRECTION, 0.0, 0.0)
+    slam._detector.work = lambda _: [LoopEdge(0, 8, step, INFORMATION)]
+    before = slam._detector._last_query_path
+    slam.update(still(12, odometry=Pose2(6.0, 0.0, 0.0)))
+    assert slam._detector._last_query_path == before + (LOCAL_MAP_RADIUS if waits else 0.0)
