@@ -152,7 +152,7 @@ class PoseEstimator:
             return True
         # among people or in smoke the match score hardly depends on the pose
         is_doubtful = best.conflicts > MAX_NOISE_CONFLICTS and best.mahalanobis_squared > NIS_GATE
-        if is_doubtful and not self._has_lead(0.0, best, points, grid):
+        if is_doubtful and not self._has_lead(best, points, grid):
             return False
         is_beyond_gate = best.mahalanobis_squared > MATCH_GATE
         if is_beyond_gate and not self._within_motion_bound(best, points, grid):
@@ -168,18 +168,14 @@ class PoseEstimator:
 
         Along a degenerate direction only the motion since the last scan is accepted.
         """
-        if best.seconds > MAX_SCAN_DELAY:
-            return False
-        if not (self._is_typical(best) or self._has_lead(MIN_RELIABLE_SCORE, best, points, grid)):
+        if best.seconds > MAX_SCAN_DELAY or not self._is_typical(best):
             return False
         return best.seconds <= self._prior.dt or self._observability(points, best.match).share > 0.0
 
-    def _has_lead(self, least: float, best: Candidate, points: EndPoints, grid: MatchedMap) -> bool:
-        """Whether the score of a match exceeds 0 and the predicted pose's score by `least`."""
-        if best.score <= least:
-            return False
+    def _has_lead(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> bool:
+        """Whether the score of a match exceeds 0 and that of the predicted pose."""
         inliers, conflicts = grid.evaluate(points, self.pose)
-        return best.score - (inliers - conflicts) > least
+        return best.score > max(0.0, inliers - conflicts)
 
     def _observability(self, points: EndPoints, match: Match) -> Observability:
         if not self._p.degeneracy:

@@ -280,19 +280,11 @@ def test_along_a_bare_corridor_a_match_beyond_the_gate_is_of_this_interval(off, 
         assert found.state == (state if walls is CORRIDOR else "matched")
 
 
-@pytest.mark.parametrize(
-    ("predicted", "off", "state"),
-    [
-        ((0.0, 0.4), 0.05, "matched"),
-        ((0.3, 0.1), 0.05, "predicted"),
-        ((0.0, 0.4), 0.15, "predicted"),  # so far beyond the gate that this share is too small
-        ((0.0, 0.4), 1.1, "predicted"),
-    ],
-)
-def test_wheels_in_conflict_with_the_map_give_way_to_a_match_of_most_points(predicted, off, state):
-    robot = Standing(19)
-    robot.predicted = predicted
-    assert robot.take(1, 0.6, 0.0, Pose2(off, 0.0, 0.0)).state == state
+def test_wheels_in_conflict_with_the_map_give_way_to_matches_of_most_points():
+    robot, at = Standing(19), Pose2(0.05, 0.0, 0.0)
+    robot.predicted = 0.0, 0.4
+    assert robot.take(1, 0.6, 0.0, at).state == "predicted"
+    assert robot.take(8, 0.6, 0.0, at).state == "matched"
 
 
 @pytest.mark.parametrize(("for_it", "against", "x"), [(0.3, 0.29, 0.02), (0.3, 0.31, 0.0)])
