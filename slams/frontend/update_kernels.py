@@ -253,7 +253,7 @@ def update(
     if share < 1.0:
         decouple(z, P, direction, share)
         remap(z, P, pose, information, direction, share, prior)
-    d, step, change = np.empty(3), np.empty(3), np.empty(3)
+    d, step, change, state = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     variance, posterior = np.empty(3), np.empty((3, 3))
     for i in range(3):
         change[i], variance[i] = z[TWIST + i], P[TWIST + i, TWIST + i]
@@ -272,9 +272,26 @@ def update(
     posterior[:, :] = inverse3(limited + inverse3(P[:3, :3]))
     sandwich(posterior, limited, information)
     information *= MAP_NOISE_SHARE
-    condition(z, P, pose, posterior)
+    pose_at_stamp(z, P, pose, floor, state)
+    condition(z, P, state, posterior)
     for i in range(3):
         change[i] = z[TWIST + i] - change[i]
     learn_density(change, variance, P, density_rate, default, learned[0])
+    midpoint_step(last_pose, z[:3], step)
     learn_factors(z, step, dt, factor_rate, floor, readings, learned[1])
     return pose[0], pose[1], pose[2]
+
+
+@njit(inner=True)
+def pose_at_stamp(z: Floats, P: Floats, pose: Floats, floor: Floats, out: Floats) -> None:
+    """Pose (3,) of the state by a match with noise floor (3,), above all the error of its stamp.
+
+    ours: P (P + floor)^-1 of the difference is the robot's, the rest is the error of the stamp.
+    """
+    d, W = np.empty(3), inverse3(P[:3, :3] + np.diag(floor))
+    offset_from(z, pose, d)
+    for i in range(3):
+        out[i] = z[i]
+        for k in range(3):
+            out[i] += P[i, k] * (W[k, 0] * d[0] + W[k, 1] * d[1] + W[k, 2] * d[2])
+    out[2] = wrap_angle(out[2])

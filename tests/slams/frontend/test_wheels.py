@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from slams.frontend import update_kernels
 from slams.frontend.degeneracy import FULLY_OBSERVED
 from slams.frontend.estimator import MAX_UNMATCHED_TIME
-from slams.frontend.filter_kernels import DRIFT
+from slams.frontend.filter_kernels import DRIFT, N
 from slams.frontend.motion_filter import MotionFilter
 from slams.frontend.params import FrontendParams
 from slams.frontend.plain import PlainEstimator
@@ -60,6 +61,14 @@ def test_the_drift_of_the_heading_is_learned_from_matches():
         motion.predict(scan(0.1 * k, wheels))
         motion.update(Pose2(0.05 * k, 0.0, 0.0), SHARP, FULLY_OBSERVED)
     assert motion._z[DRIFT] == pytest.approx(drift, rel=0.2)
+
+
+def test_of_a_match_whose_stamp_jitters_the_state_takes_its_share():
+    z, P, out = np.zeros(N), np.diag(np.full(N, 1e-4)), np.empty(3)
+    match = np.array((0.1, -0.2, 0.05))
+    for error, share in ((0.0, 1.0), (1e-4, 0.5), (1e-2, 1.0 / 101.0)):
+        update_kernels.pose_at_stamp(z, P, match, np.full(3, error), out)
+        assert out == pytest.approx(share * match)
 
 
 def test_late_stamps_widen_the_prior_by_the_distance_driven_meanwhile():
