@@ -178,7 +178,7 @@ class Looped:
         if covariance is None:
             return np.zeros(3)
         (xx, xy, _), (_, yy, _), (_, _, yaw) = covariance.tolist()
-        if not math.isfinite(xx + yy + yaw):
+        if not math.isfinite(xx + xy + yy + yaw):
             return np.zeros(3)
         c, s = math.cos(theta), math.sin(theta)
         along = c * c * xx + 2.0 * c * s * xy + s * s * yy

@@ -13,7 +13,7 @@ from slams.loops.graph import LoopEdge, PoseGraph
 from slams.loops.matching import LocalMap, keyframe, read_end_points
 from slams.refine.lines import Match
 from slams.test_world import drive, laser, scan_at
-from slams.types import IDENTITY, Pose2, wrap_angle
+from slams.types import IDENTITY, Pose2, Scan, wrap_angle
 
 VARIANCES = np.array((0.02, 0.01, 0.005)) ** 2
 INFORMATION = np.diag((1e3, 1e3, 1e4))
@@ -80,6 +80,11 @@ def test_the_covariance_along_a_chain_is_that_of_drawn_chains():
         ends.append(pose)
     drawn = np.cov(np.array(ends).T) / 0.3**2
     assert graph.uncertainty(0)[8] == pytest.approx(drawn, rel=0.15, abs=1e-4)
+    turn = PoseGraph()
+    turn.append(IDENTITY, VARIANCES)
+    turn.append(Pose2(0.0, 0.0, 0.5 * math.pi), VARIANCES)
+    for root in (0, 1):  # along the axes of the earlier keyframe
+        assert turn.uncertainty(root)[1 - root] == pytest.approx(np.diag(VARIANCES))
 
 
 def test_a_loop_lowers_the_covariance_of_the_poses_it_connects():
@@ -119,6 +124,13 @@ def test_free_space_conflicts_lower_the_score():
     assert right > 0.9
     assert place.match_score(0.6 * ends, true) < 0.0  # walls in front of walls
     assert place.match_score(1.5 * ends, true) < 0.3  # hidden behind walls: neither
+
+
+def test_a_wall_that_one_scan_has_is_no_conflict_with_another():
+    near, far = (Scan(0.0, np.full(61, r, np.float32), laser(61)) for r in (4.0, 8.0))
+    keys = [keyframe(scan, IDENTITY) for scan in (near, far)]
+    assert LocalMap(keys, [IDENTITY] * 2).match_score(keys[0].ends, IDENTITY) == 1.0
+    assert LocalMap(keys[1:], [IDENTITY]).match_score(keys[0].ends, IDENTITY) == -1.0
 
 
 @pytest.mark.parametrize("step", [0.1, -0.1])
