@@ -107,7 +107,7 @@ class LocalMap:
         for other, at in zip(self.keyframes, self.poses, strict=True):
             laser = other.scan.laser
             fan = laser.angle_min, laser.angle_increment, laser.range_max
-            ranges = np.minimum(other.scan.ranges.astype(np.float64), laser.range_max)
+            ranges = other.scan.ranges.astype(np.float64)
             check_visibility(ends, (at @ laser.mount).between(pose), ranges, fan, seen)
         inliers, conflicts = np.count_nonzero(seen & INLIER), np.count_nonzero(seen == CONFLICT)
         return float(inliers - conflicts) / max(len(seen), 1)

@@ -30,8 +30,7 @@ def check_visibility(
 
     A point within the ranges of the neighboring beams is an inlier. A point that all of these beams
     passed is a conflict. A hidden point is neither. points (2, n) [m] and their pose in the laser's
-    frame; ranges (m,) [m]; fan: first angle, step [rad], and the range without a return [m]; out
-    (n,) gains bits.
+    frame; ranges (m,) [m]; fan: first angle, step [rad], largest range [m]; out (n,) gains bits.
     """
     first, step, range_max = fan
     c, s = math.cos(pose.theta), math.sin(pose.theta)
@@ -45,7 +44,8 @@ def check_visibility(
         low, high = math.inf, 0.0
         for k in range(max(beam - 1, 0), min(beam + 2, len(ranges))):
             if not math.isnan(ranges[k]):
-                low, high = min(low, ranges[k]), max(high, ranges[k])
+                measured = min(ranges[k], range_max)
+                low, high = min(low, measured), max(high, measured)
         r = math.sqrt(x * x + y * y)
         tolerance = VISIBILITY_TOLERANCE + abs(step) * r
         if low < range_max and low - tolerance <= r <= high + tolerance:

@@ -136,7 +136,7 @@ def test_a_wall_that_one_scan_has_is_no_conflict_with_another():
 @pytest.mark.parametrize("step", [0.1, -0.1])
 def test_inliers_and_conflicts_of_a_scan_by_hand(step):
     """Seven beams to one side: a wall 4 m off, then one 2 m off, no return, and nothing known."""
-    ranges = np.array([4.0, 4.0, 4.0, 2.0, 10.0, math.nan])
+    ranges = np.array([4.0, 4.0, 4.0, 2.0, math.inf, math.nan])
     fan = 0.0, step, 10.0  # the seventh beam is missing
     cases = [  # beam, range [m], inlier, conflict; a tenth of the range is allowed, too
         (1, 4.0 + 0.3 + visibility.VISIBILITY_TOLERANCE, True, False),
@@ -147,6 +147,8 @@ def test_inliers_and_conflicts_of_a_scan_by_hand(step):
         (2, 1.0, False, True),
         (3, 2.0, True, False),
         (4, 3.0, True, False),  # between the near wall and no return
+        (4, 12.0, False, False),  # beyond the range of the laser
+        (5, 8.0, False, True),  # all that is known there is no return
         (6, 1.0, False, False),  # the beam that is missing
         (20, 4.0, False, False),  # outside of the fan
         (-20, 4.0, False, False),

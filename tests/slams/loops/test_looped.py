@@ -375,6 +375,19 @@ def test_only_places_that_the_covariance_allows_are_candidates():
     assert far < AMBIGUITY_DISTANCE + LOOP_SEARCH_DEVIATIONS * deviation < LOCAL_MAP_RADIUS
 
 
+def test_where_the_nearest_place_is_impossible_others_are_candidates():
+    """A loop may make one place certain, 5 m beside, and leave those behind it open."""
+    beside = [IDENTITY, *straight(24)[1:], Pose2(0.0, 6.0, math.pi), *straight(40)[1:]]
+    detector, graph = detector_of(beside)
+    covariances = np.tile(np.eye(3), (graph.n, 1, 1))
+    graph.uncertainty = lambda later: covariances
+    nearest = detector._next_query().candidates[0][0]
+    covariances[nearest] *= 1e-6
+    detector._last_query_path = 0.0
+    candidates = [k for k, *_ in detector._next_query().candidates]
+    assert candidates and nearest not in candidates
+
+
 @pytest.mark.parametrize(("off", "waits"), [(0.2, True), (2.0, False)])
 def test_after_a_loop_that_confirms_the_graph_the_next_search_waits(off, waits):
     slam = new()
