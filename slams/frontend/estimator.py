@@ -25,6 +25,7 @@ from slams.types import Floats, Pose2, Scan, State
 
 MATCH_GATE = 49.0  # squared Mahalanobis distance from the prior, seven deviations
 MIN_RELIABLE_SCORE = 0.3  # beyond the gate or when lost: chance fits a little of any scan
+NEAR_MATCH_TIME = 0.125  # s of a robot's motion (0.25 m or rad) from the prediction to a match
 MIN_SCORE_RATIO = 0.85  # of a match score to the mean; below it a match is doubtful
 SCORE_AVERAGING_TIME = 0.5  # s
 REJECTION_INFLATION = 1.5  # of the variances, by a good match beyond the gate: the prior may be off
@@ -34,7 +35,7 @@ RELOCALIZED_COVARIANCE = np.diag((0.05**2, 0.05**2, 0.02**2))  # m^2, m^2, rad^2
 MIN_FIRST_POINTS = 10  # end points of the scan that starts a map
 # s without a match, until relocalization starts and scans enter the map by wheels; by laser alone
 MAX_UNMATCHED_TIME, MAX_UNMATCHED_TIME_LASER_ONLY = 1.0, 3.0
-CONFLICT_WEIGHT = 2.0  # beams in new ground that one beam in conflict outweighs
+CONFLICT_WEIGHT = 3.0  # beams in new ground that one beam in conflict outweighs
 MAX_NOISE_CONFLICTS = 0.05  # share of the beams; more are people, smoke or the floor
 
 
@@ -135,8 +136,9 @@ class PoseEstimator:
             self.counts["empty"] += 1
             return self._dead_reckon(None, points, grid)
         best = best_of(matches, points, grid, self._prior)
-        is_beyond_gate = best.mahalanobis_squared > MATCH_GATE
-        if self._p.search and (is_beyond_gate or not self._is_typical(best)):
+        # a match converges to the nearest walls, and these may not be the walls that were scanned
+        is_near = best.seconds <= NEAR_MATCH_TIME
+        if self._p.search and not (is_near and self._is_typical(best)):
             self.counts["searched"] += 1
             best = best_around(best.match, points, grid, self._prior, rematch)
         settle = self._accept if self._is_acceptable(best, points, grid) else self._dead_reckon

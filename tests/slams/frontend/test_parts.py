@@ -287,6 +287,21 @@ def test_wheels_in_conflict_with_the_map_give_way_to_matches_of_most_points():
     assert robot.take(8, 0.6, 0.0, at).state == "matched"
 
 
+@pytest.mark.parametrize(
+    ("at", "share", "searched"),
+    [
+        (Pose2(0.2, 0.0, 0.2), 1.0, False),
+        (Pose2(0.3, 0.0, 0.0), 1.0, True),
+        (Pose2(0.0, 0.0, -0.3), 1.0, True),
+        (IDENTITY, 0.8, True),
+    ],
+)
+def test_a_match_is_searched_for_where_it_is_far_or_scores_less_than_usual(at, share, searched):
+    robot = Standing(19, wheels=False)
+    robot.estimator._p, robot.likelihood_field = FrontendParams(search=True), lambda: UNIFORM
+    assert robot.take(1, share, 0.0, at).counts["searched"] == searched
+
+
 @pytest.mark.parametrize(("for_it", "against", "x"), [(0.3, 0.29, 0.02), (0.3, 0.31, 0.0)])
 def test_inside_the_gate_a_match_is_taken_if_more_beams_are_for_it_than_against(for_it, against, x):
     robot = Standing(19, wheels=False)
