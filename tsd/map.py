@@ -144,9 +144,11 @@ class TileField:
     def _drawing(self, window: tuple[tuple[slice, slice], tuple[slice, slice]]) -> Drawing:
         f, ((rows, columns), (ty, tx)) = self.kernel, window
         corner = f.corner + f.cell * np.array([columns.start, rows.start])
-        used = int(f.used[0])
-        tsd = np.where(f.weight[:used] >= MIN_DRAWN_WEIGHT, f.tsd[:used], np.float32(np.nan))
-        slots, state = f.slots[ty, tx].copy(), f.cell_state[rows, columns].copy()
+        is_used, slots = f.slots[ty, tx] > 0, np.zeros(f.slots[ty, tx].shape, np.int32)
+        used = np.append(0, f.slots[ty, tx][is_used])  # tile 0 is that without surfaces
+        slots[is_used] = np.arange(1, len(used))
+        tsd = np.where(f.weight[used] >= MIN_DRAWN_WEIGHT, f.tsd[used], np.float32(np.nan))
+        state = f.cell_state[rows, columns].copy()
         return Drawing(slots, tsd, state, f.cell, (float(corner[0]), float(corner[1])))
 
     def _window(self, box: Box) -> tuple[tuple[slice, slice], tuple[slice, slice]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -63,8 +64,6 @@ def pooled_field(field: LikelihoodField, block: int) -> LikelihoodField:
 
     Its bound is tighter than that of coarse cells, in which a point may lie anywhere [Olson15].
     """
-    import cv2
-
     likelihood = np.pad(field.likelihood, ((block, 0), (block, 0)))  # blocks that end in the map
     pooled = cv2.dilate(likelihood, np.ones((block, block), np.uint8), anchor=(0, 0))
     x0, y0 = (v - block * field.resolution for v in (field.x0, field.y0))

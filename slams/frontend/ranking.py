@@ -84,7 +84,8 @@ def best_of(
     """The match with the highest score; the first one unless the lead is a surface or more."""
     ranked = [rank(match, points, grid, prior) for match in matches]
     best, first = max(ranked, key=lambda candidate: candidate.score), ranked[0]
-    return best if best.score - first.score >= 1.0 / N_INDEPENDENT_SURFACES else first
+    has_lead = best is not first and best.score - first.score >= 1.0 / N_INDEPENDENT_SURFACES
+    return best if has_lead else first
 
 
 def best_around(

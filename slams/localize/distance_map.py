@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from functools import cached_property
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,8 +35,6 @@ class DistanceMap:
     """
 
     def __init__(self, grid: OccupancyGrid) -> None:
-        import cv2
-
         self.resolution = float(grid.resolution)
         self.origin = np.array(grid.origin, np.float64)
         self.occupied: Mask = grid.p > 0.5
@@ -51,16 +50,12 @@ class DistanceMap:
     @cached_property
     def gap(self) -> NDArray[np.uint8]:
         """Chebyshev distance to the nearest cell that is not free (ny, nx) [cell]."""
-        import cv2
-
         gap = cv2.distanceTransform(np.pad(self.free, 1).astype(np.uint8), cv2.DIST_C, 3)
         return np.ascontiguousarray(np.minimum(np.round(gap[1:-1, 1:-1]), MAX_RAY_STEP), np.uint8)
 
     @cached_property
     def distances(self) -> Distances:
         """The distances as arrays for the kernels."""
-        import cv2
-
         free = (~self.occupied).astype(np.uint8)
         distance = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
         limit = MAX_WALL_DISTANCE / self.resolution

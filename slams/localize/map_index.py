@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -161,8 +162,6 @@ class MapIndex:
     @cached_property
     def _free(self) -> NDArray[np.bool_]:
         """Cells where a laser can be, extended by two steps of a search into unknown cells."""
-        import cv2
-
         cell = self.distances.resolution
         steps = 2 * math.ceil(2.0 * LIKELIHOOD_CELL / cell) + 1
         free = (self.distances.gap * cell > MIN_CLEARANCE).astype(np.uint8)

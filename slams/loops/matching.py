@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from slams.frontend.correlative import LikelihoodField, Window, search
@@ -71,8 +72,6 @@ class LocalMap:
     """
 
     def __init__(self, keyframes: Sequence[Keyframe], poses: Sequence[Pose2]) -> None:
-        import cv2
-
         self.keyframes, self.poses = keyframes, poses
         ends = [pose.transform(k.ends.T).T for pose, k in zip(poses, keyframes, strict=True)]
         all_ends = np.ascontiguousarray(np.concatenate(ends, axis=1))

@@ -246,7 +246,7 @@ def test_whatever_ends_it_leaves_no_process_behind(tmp_path, send, number):
     log.touch()
     process = driver(tmp_path / "store", 4, 60.0, log)
     wait_for(lambda: len(begun(log)) >= 2, process)
-    returned, said = ended(process, send, number, 10.0)
+    returned, said = ended(process, send, number, 0.5 * PATIENCE)
     assert returned == -number
     assert "Process SpawnProcess" not in said  # the workers do not join in with tracebacks
     assert results(tmp_path / "store") == {}
@@ -257,7 +257,7 @@ def test_an_exception_nobody_catches_does_not_wait_for_the_others(tmp_path):
     log = tmp_path / "log"
     log.touch()
     process = driver(tmp_path / "store", 9, 0.5, log, then="raise ValueError('mine')")
-    _, said = process.communicate(timeout=10.0)
+    _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1
     assert said.rstrip().endswith("ValueError: mine")
     assert ends(processes_of(process.pid))

@@ -194,3 +194,12 @@ def test_carve_marks_what_every_beam_passes():
     for _ in range(3):
         carve(field, lines, 200, *laser_at, PushRule(0.15, 100.0, gap))
     assert np.array_equal(field.cell_state, PASS_BITS * seen)  # three are counted, no more
+
+
+def test_a_part_of_the_map_copies_its_own_tiles_only():
+    slam = default()
+    for k in range(2):
+        slam.insert_at(scan_at((0.0, 0.0, 0.0), laser(361), t=k), Pose2(30.0 * k, 0.0, 0.0))
+    field, part = slam._map, slam._map._window(Box(28.0, -2.0, 32.0, 2.0))
+    drawing = field._drawing(part)
+    assert len(drawing.tsd) == 1 + np.count_nonzero(drawing.slots) < 0.5 * field.kernel.used[0]
