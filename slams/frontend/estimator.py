@@ -161,7 +161,7 @@ class PoseEstimator:
             if best.score >= MIN_RELIABLE_SCORE:
                 self._filter.inflate(REJECTION_INFLATION)
             return False
-        if self._lost and best.score < MIN_RELIABLE_SCORE and not self._is_typical(best):
+        if self._lost and best.score < MIN_RELIABLE_SCORE:
             return False
         return best.match_score > 0.0
 

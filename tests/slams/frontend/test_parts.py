@@ -309,9 +309,11 @@ def test_inside_the_gate_a_match_is_taken_if_more_beams_are_for_it_than_against(
     assert taken.pose.x == pytest.approx(x, abs=0.005)
 
 
+@pytest.mark.parametrize("usual", [1.0, 0.2])
 @pytest.mark.parametrize(("for_it", "taken"), [(0.25, False), (0.35, True)])
-def test_a_lost_robot_takes_no_match_that_chance_may_explain(for_it, taken):
+def test_a_lost_robot_takes_no_match_that_chance_may_explain(for_it, taken, usual):
     robot = Standing(10, wheels=False)
+    robot.take(60, usual, 0.0)
     assert robot.take(20, 0.0, 1.0).state == "lost"
     found = robot.take(1, for_it, 0.0, Pose2(0.1, 0.0, 0.0))
     assert (found.match is not None) == taken
