@@ -144,9 +144,10 @@ class TileField:
     def _drawing(self, window: tuple[tuple[slice, slice], tuple[slice, slice]]) -> Drawing:
         f, ((rows, columns), (ty, tx)) = self.kernel, window
         corner = f.corner + f.cell * np.array([columns.start, rows.start])
-        is_used, slots = f.slots[ty, tx] > 0, np.zeros(f.slots[ty, tx].shape, np.int32)
-        used = np.append(0, f.slots[ty, tx][is_used])  # tile 0 is that without surfaces
-        slots[is_used] = np.arange(1, len(used))
+        slots = f.slots[ty, tx].copy()
+        at = np.flatnonzero(slots)
+        used = np.append(0, slots.flat[at])  # tile 0 is that without surfaces
+        slots.flat[at] = np.arange(1, len(used))
         tsd = np.where(f.weight[used] >= MIN_DRAWN_WEIGHT, f.tsd[used], np.float32(np.nan))
         state = f.cell_state[rows, columns].copy()
         return Drawing(slots, tsd, state, f.cell, (float(corner[0]), float(corner[1])))
