@@ -138,26 +138,6 @@ class Params:
         """Names of the presets; "default" is always one."""
         return ["default", *(name for name in cls.PRESETS if name != "default")]
 
-    @classmethod
-    def preset(cls, name: str = "default") -> Self:
-        """The parameters of a preset of this class.
-
-        Raises:
-            LookupError: there is no such preset, or it is a class of its own, which
-                `slams.find("name@preset")` returns.
-        """
-        if name != "default" and name not in cls.PRESETS:
-            raise LookupError(
-                f"unknown preset {name!r}; expected one of {', '.join(cls.presets())}"
-            )
-        changes = cls.PRESETS.get(name, {})
-        if isinstance(changes, str):
-            raise LookupError(
-                f"preset {name!r} is a class of its own, {changes}; "
-                f"slams.find('NAME@{name}') has its parameters"
-            )
-        return cls().replace(**changes)
-
     def for_sensor(self, name: str) -> Self:
         """A copy with the values for a laser of `LASER_MODELS`.
 

@@ -45,8 +45,8 @@ class Entry(NamedTuple):
 
     def params(self) -> Params:
         """The preset's parameters."""
-        params = self.cls.Params
-        return params.preset(self.preset) if self.preset in params.presets() else params()
+        changes = self.cls.Params.PRESETS.get(self.preset, {})
+        return self.cls.Params().replace(**({} if isinstance(changes, str) else changes))
 
 
 def names() -> list[str]:
