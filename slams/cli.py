@@ -246,8 +246,7 @@ def progress(
     """The items, with a progress bar on stderr if that is a terminal."""
     from tqdm import tqdm
 
-    disabled = quiet or not sys.stderr.isatty()
-    return tqdm(items, total=total, desc=what, unit=unit, disable=disabled, leave=False)
+    return tqdm(items, total=total, desc=what, unit=unit, disable=quiet or None, leave=False)
 
 
 def _say(program: str, message: str, code: int) -> int:
