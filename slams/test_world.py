@@ -101,8 +101,6 @@ def drive(
     seed: int = 0,
     lidar: Laser | None = None,
     segments: Floats = ROOM,
-    odometry: bool = True,
-    gyro: bool = True,
 ) -> ScanLog:
     """A log of the room with truth, drifting odometry and a gyro."""
     rng = np.random.default_rng(seed)
@@ -116,9 +114,9 @@ def drive(
         scan_poses = drive_poses(n * b, 1.0 / (rate * b))[np.minimum(samples, n * b - 1)]
     ranges = np.array([cast(segments, scan, lidar) for scan in scan_poses])
     noisy = (ranges + rng.normal(0.0, noise, ranges.shape)).astype(np.float32)
-    odom = TimeSeries(t, _drifting(poses, rng)) if odometry else None
+    odom = TimeSeries(t, _drifting(poses, rng))
     true_rate = np.gradient(poses[:, 2], t) if n > 1 else np.zeros(1)
-    yaw_rate = TimeSeries(t, true_rate + 0.001) if gyro else None
+    yaw_rate = TimeSeries(t, true_rate + 0.001)
     return ScanLog(t, noisy, lidar, odom, TimeSeries(t, poses), yaw_rate, {"name": "room"})
 
 

@@ -55,7 +55,7 @@ def test_a_laser_that_turns_the_other_way_gives_the_same_poses(name):
 
 @pytest.mark.parametrize("label", [*ALGORITHMS, *PAPERS])
 def test_the_mechanism_poses_every_scan_and_what_refines_it_is_ours(label):
-    log, slam = drive(n=50, odometry=False, gyro=False), made(label)
+    log, slam = drive(n=50).select(odometry=False), made(label)
     run = replay(slam, log)
     assert metrics.ate(run.poses, log.truth_at(run.t)) < 0.006
     if "@" in label and hasattr(slam._map, "lines"):
@@ -70,7 +70,7 @@ def test_the_mechanism_poses_every_scan_and_what_refines_it_is_ours(label):
 
 @each
 def test_few_scans_a_second_are_enough(name):
-    log = drive(n=60, rate=5.0, odometry=False, gyro=False)
+    log = drive(n=60, rate=5.0).select(odometry=False)
     run = replay(made(name), log)
     assert metrics.ate(run.poses, log.truth_at(run.t)) < 0.01
     assert run.report["searched"] == run.report["predicted"] == 0
@@ -111,7 +111,7 @@ def test_noise_and_short_beams_do_not_lose_the_pose(name, sigma, share):
 @pytest.mark.parametrize("label", [*ALGORITHMS, "hector@original"])
 def test_a_sweep_that_is_freed_of_its_motion_gives_better_poses(label):
     lidar = laser(181, time_increment=0.19 / 181)
-    log = drive(n=40, rate=5.0, noise=0.003, lidar=lidar, odometry=False, gyro=False)
+    log = drive(n=40, rate=5.0, noise=0.003, lidar=lidar).select(odometry=False)
     more = {"start": "velocity"} if "@" in label else {}
     with_it, without = (
         metrics.ate(replay(made(label, deskew=on, **more), log).poses, log.truth_at(log.t))
@@ -212,7 +212,7 @@ def test_a_map_before_any_scan_is_unknown(label):
 
 @pytest.mark.parametrize("label", ORIGINALS)
 def test_an_original_is_coarser_and_follows_too(label):
-    log = drive(n=40, gyro=False)
+    log = dataclasses.replace(drive(n=40), yaw_rate=None)
     more = {"hold": 5, "iterations": 8000} if label.startswith("crsm") else {}
     run = replay(made(label, **more), log)
     assert 0.001 < metrics.ate(run.poses, log.truth_at(run.t)) < 0.1

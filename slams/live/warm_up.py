@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
 
 import numpy as np
 
@@ -22,8 +21,8 @@ def warm_up(slam_class: type[Slam], params: Params) -> None:
     from slams.test_world import drive, laser, scan_at
 
     for increment, measured in ((0.0, True), (5e-4, False)):
-        lidar = replace(laser(n_beams=91), time_increment=increment)
-        log = drive(n=8, rate=5.0, lidar=lidar, odometry=measured, gyro=measured)
+        lidar = laser(n_beams=91, time_increment=increment)
+        log = drive(n=8, rate=5.0, lidar=lidar).select(odometry=measured)
         slam = slam_class(params)
         for scan in (*log, scan_at((2.0, 1.5, 2.0), lidar, t=2.0)):
             slam.update(scan)

@@ -84,7 +84,7 @@ def test_score_equals_the_naive_twin(pushed):
 @pytest.mark.parametrize("mode", ["icp", "tsd"])
 def test_every_published_mode_follows_a_drive(mode):
     slam = original(registration=mode, trials=20)
-    log = drive(n=12, odometry=False, gyro=False)
+    log = drive(n=12).select(odometry=False)
     truth = log.truth_at(log.t)
     for p, scan in zip(truth, log, strict=True):
         distance, turn = error(Pose2(*truth[0]).between(Pose2(*p)), slam.update(scan))

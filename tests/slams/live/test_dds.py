@@ -162,8 +162,8 @@ def test_a_writer_that_leaves_is_no_message(transports):
 
 def turtlebot(n=25):
     """As a LDS-01 at 5 Hz on a TurtleBot: a slow sweep, odometry of its own stamps, no gyro."""
-    log = drive(n=n, rate=5.0, lidar=laser(91, mount=Pose2(-0.03, 0.0, 0.0)), gyro=False)
-    fine = drive(n=6 * n, rate=30.0, lidar=laser(2), gyro=False)
+    log = drive(n=n, rate=5.0, lidar=laser(91, mount=Pose2(-0.03, 0.0, 0.0)))
+    fine = drive(n=6 * n, rate=30.0, lidar=laser(2))
     return slams.ScanLog(log.t, log.ranges, log.laser, fine.odom, None, None, {"name": "tb"})
 
 
