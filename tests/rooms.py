@@ -8,6 +8,7 @@ import numpy as np
 from slams import run
 from slams.geometry import Prior
 from slams.registry import BASELINES, BUILT_IN, find, names
+from slams.registry import create as made
 from slams.test_world import ROOM, box, cast, drive, drive_poses, laser, scan_at  # noqa: F401
 from slams.types import IDENTITY, Pose2
 
@@ -42,11 +43,6 @@ def labels():
 def command(*arguments):
     """The exit code of `slams run`."""
     return run.main([str(argument) for argument in arguments])
-
-
-def made(label, **changes):
-    entry = find(label)
-    return entry.cls(entry.params().replace(**changes))
 
 
 def still(k, **more):

@@ -12,7 +12,7 @@ from numpy.lib.array_utils import byte_bounds
 from slams.cells import PAGE_SIZE, PAGEMAP, GridStorage, move, nonzero_spans, used_pages, zeros
 from slams.grid_bounds import MAX_DISTANCE_FROM_MAP, Box, GridBounds
 from slams.player import WARM_UP_SCANS, replay, warm_up
-from slams.registry import find
+from slams.registry import create, find
 from slams.scanlog import TimeSeries
 from slams.summary import as_text, summarize
 from tests.rooms import ALGORITHMS, ORIGINALS, drive
@@ -114,12 +114,11 @@ def test_blocks_count_from_where_an_array_begins(offset):
 
 @pytest.mark.parametrize("name", ["hector", "crsm"])
 def test_a_map_that_outgrows_its_room_is_the_same_in_a_larger_one(name, monkeypatch):
-    log, entry = drive(n=60), find(name)
-    roomy = entry.cls(entry.params())
+    log, roomy = drive(n=60), create(name)
     monkeypatch.setattr(
         f"{name}.map.GridStorage", lambda _, cell, block: GridStorage(1 << 12, cell, block)
     )
-    narrow = entry.cls(entry.params())
+    narrow = create(name)
     first = narrow._map._storage.width
     for scan in log:
         np.testing.assert_allclose(narrow.update(scan), roomy.update(scan), atol=1e-6)

@@ -96,10 +96,9 @@ def test_what_is_no_folder_of_ours_is_not_used(what, name_in_temp, tmp_path, mon
 
 POSES = """
 import numpy as np
-from slams.registry import find
+from slams.registry import create
 from slams.test_world import drive
-entry = find("hector")
-slam = entry.cls(entry.params())
+slam = create("hector")
 print(np.array([slam.update(scan) for scan in drive(n=40, rate=10.0)]).tobytes().hex())
 """
 
