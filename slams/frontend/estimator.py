@@ -64,7 +64,7 @@ class PoseEstimator:
         self._new_ground_time = 0.0  # s, integral since then of the share in new ground
         self._tentative_time = 0.0  # s until matches are confirmed
         self._lost = False
-        self._relocalizer = Relocalizer(params.relocate)
+        self._relocalizer = Relocalizer()
         self._new_share = 0.0  # of the last scan's beams in new ground; unmatched: less conflicts
         self._map_drift, self._drift_pose = np.zeros((3, 3)), self._pose  # of the map at that pose
 
@@ -258,7 +258,7 @@ class PoseEstimator:
 
     def _relocalize(self, grid: MatchedMap) -> None:
         """Global localization in the map, within the gate of a dead-reckoned pose."""
-        if self._unmatched_time < MAX_UNMATCHED_TIME:
+        if not self._p.relocate or self._unmatched_time < MAX_UNMATCHED_TIME:
             return
         variance = max(self._filter.covariance.diagonal()[:2].tolist())
         is_held = self._has_odometry and not self._prediction_rejected

@@ -34,8 +34,7 @@ Draw = Callable[[Box], OccupancyGrid | None]
 class Relocalizer:
     """Finds a lost robot within `MAX_SEARCH_HALF_WIDTH` of its predicted pose."""
 
-    def __init__(self, enabled: bool = True) -> None:
-        self._enabled = enabled
+    def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
@@ -53,7 +52,7 @@ class Relocalizer:
             reach: greatest distance of the base from it [m]; may be inf.
             draw: draws a part of the map, without scans inserted while lost; None if it is empty.
         """
-        if not (self._enabled and all(map(math.isfinite, (scan.t, *predicted)))):
+        if not all(map(math.isfinite, (scan.t, *predicted))):
             return None
         self._remaining -= max(scan.t - self._time, 0.0)
         self._time = scan.t
