@@ -10,18 +10,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 
 from slams.grid_bounds import Box
 from slams.localize.global_localizer import GlobalLocalizer
-from slams.localize.map_index import CELL_COST, MapIndex, has_enough
+from slams.localize.map_index import CELL_COST, has_enough
 from slams.types import OccupancyGrid, Pose2, Scan
 
 WORK_PER_SCAN = 9_000.0  # us
-MAX_SEARCH_CELLS = int(
-    WORK_PER_SCAN / CELL_COST
-)  # of a distance transform; finer maps are coarsened
+MAX_SEARCH_CELLS = int(WORK_PER_SCAN / CELL_COST)  # of a distance map; finer maps are coarsened
 MAX_SEARCH_HALF_WIDTH = 20.0  # m, of the part of the map: 800^2 cells of 0.05 m
 SEARCH_MARGIN = 8.0  # m around `reach`: half for motion during the search, half for the walls
 N_AGREEING_SEARCHES = 2  # since one scan may also fit another place
@@ -71,15 +70,12 @@ class Relocalizer:
     def _start(self, predicted: Pose2, reach: float, draw: Draw) -> None:
         x, y, _ = predicted
         grid = draw(Box.around(x, y, min(reach + SEARCH_MARGIN, MAX_SEARCH_HALF_WIDTH)))
-        try:
-            if grid is None or grid.p.size == 0:
-                raise ValueError("the map is empty here")
-            index = MapIndex(coarsened(grid))
-        except ValueError:  # or it has no walls
+        settings = WORK_PER_SCAN, N_AGREEING_SEARCHES, MIN_RELOCALIZATION_SCORE
+        if grid is not None:
+            with suppress(ValueError):  # the map has no walls here
+                self._localizer = GlobalLocalizer(coarsened(grid), *settings)
+        if self._localizer is None:
             self._pause_search()
-        else:
-            settings = WORK_PER_SCAN, N_AGREEING_SEARCHES, MIN_RELOCALIZATION_SCORE
-            self._localizer = GlobalLocalizer(index, *settings)
 
     def _pause_search(self) -> None:
         self._localizer = None
