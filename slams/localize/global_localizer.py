@@ -81,10 +81,8 @@ class GlobalLocalizer:
         self._queue: list[Observation] = []  # to process, the oldest first
         self._last: Pose2 | None = None  # predicted pose at the candidates' scan
         self._search: Search | None = None  # for the oldest in the queue
-        self._searched_at, self._searched_from = (
-            0.0,
-            IDENTITY,
-        )  # stamp, first pose of the last search
+        self._searched_at = 0.0  # stamp of the last search
+        self._searched_from = IDENTITY  # first pose after it
 
     def add(
         self, scan: Scan, predicted: Pose2 | None = None, reach: float = math.inf

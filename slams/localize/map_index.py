@@ -226,20 +226,15 @@ def merged(known: list[Candidate], found: list[Candidate]) -> list[Candidate]:
     probability that none of the known ones is right.
     """
     known = distinct(known)
-    found = sorted(found, key=lambda candidate: -candidate.score)
-    new = distinct([*known, *found])[len(known) :]
     rest = max(MIN_OTHER_PROBABILITY, 1.0 - sum(candidate.probability for candidate in known))
-    prior = [c.probability for c in known] + [rest] * len(new)
-    known = [c._replace(searches=c.searches + 1) for c in known]
-    return _weighed(known + new, np.array(prior))
-
-
-def _weighed(candidates: list[Candidate], prior: Floats) -> list[Candidate]:
-    """The candidates in order of their probabilities, from scores and `prior` probabilities."""
+    candidates = [c._replace(searches=c.searches + 1) for c in known]
+    candidates += [c._replace(probability=rest) for c in sorted(found, key=lambda c: -c.score)]
+    candidates = distinct(candidates)
     if not candidates:
         return []
     scores = np.array([candidate.score for candidate in candidates])
     less = np.maximum(scores.max() - scores - SCORE_TOLERANCE, 0.0)
+    prior = np.array([candidate.probability for candidate in candidates])
     odds = prior * np.exp(-INDEPENDENT_BEAMS * less)
     odds /= odds.sum()
     order = np.argsort(-odds, kind="stable")
