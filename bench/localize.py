@@ -119,18 +119,18 @@ def _searched(place: Place) -> Iterator[dict[str, Any]]:
     """Global localization of single scans of a drive in the floor plan."""
     import numpy as np
 
-    from slams.localize.map_index import MapIndex
+    from slams.localize import GlobalLocalizer, MapIndex
     from slams.types import Pose2
 
     index, log = MapIndex(place.plan), place.first
     truth = log.truth_at(log.t)
     assert truth is not None
     scans = list(log)
-    index.search(scans[0])  # compiles the kernels
+    GlobalLocalizer(index).add(scans[0])  # compiles the kernels
     for k in np.linspace(0, len(scans) - 1, SEARCHES_PER_ARENA).astype(int).tolist():
-        start = time.process_time()
-        found = index.search(scans[k])
-        spent = time.process_time() - start
+        start, localizer = time.process_time(), GlobalLocalizer(index)
+        localizer.add(scans[k])
+        spent, found = time.process_time() - start, localizer.candidates
         error = found[0].pose.between(Pose2(*truth[k])) if found else Pose2(math.inf, 0.0, 0.0)
         distance = math.hypot(error.x, error.y)
         right = bool(distance < MAX_PLACE_ERROR and abs(error.theta) < MAX_PLACE_ROTATION)

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 
+from slams.localize import GlobalLocalizer
 from slams.types import OccupancyGrid, Pose2
 from tests.rooms import ROOM, box, drive_poses, laser, moved, scan_at
 
@@ -25,6 +26,13 @@ def grid_of(segments=ROOM, inside=(0.0, 0.0), cell=CELL):
     iy, ix = int((inside[1] - low[1]) / cell), int((inside[0] - low[0]) / cell)
     p = np.where(walls > 0, 1.0, np.where(part == part[iy, ix], 0.0, np.nan))
     return OccupancyGrid(p.astype(np.float32), cell, (float(low[0]), float(low[1])))
+
+
+def searched(index, scan):
+    """The candidates of a search for one scan, the most likely first."""
+    localizer = GlobalLocalizer(index)
+    localizer.add(scan)
+    return localizer.candidates
 
 
 def is_wall(grid, x, y):

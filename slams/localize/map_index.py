@@ -142,14 +142,6 @@ class MapIndex:
         inside[inside] = self._free[iy[inside], ix[inside]]
         return inside
 
-    def search(self, scan: Scan) -> list[Candidate]:
-        """Candidates for a scan, the most likely first; none if it has too few valid beams."""
-        if not has_enough(scan):
-            return []
-        search = Search(self, scan)
-        search.advance(Work())
-        return merged([], search.found)
-
     def match(self, scan: Scan, poses: Sequence[Pose2]) -> list[Candidate]:
         """The candidate near each pose of the base, after a fit of the scan to the walls."""
         points, mount = end_points(scan), scan.laser.mount

@@ -14,7 +14,7 @@ from slams.localize.global_localizer import GlobalLocalizer
 from slams.localize.map_index import Candidate, MapIndex, Search, Work, end_points, merged
 from slams.test_world import odd_scans
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
-from tests.floors import ALIKE, LIDAR, grid_of, noisy
+from tests.floors import ALIKE, LIDAR, grid_of, noisy, searched
 from tests.rooms import ROOM, box, calls, laser, scan_at
 from tests.slams.test_state import copied
 
@@ -117,7 +117,7 @@ def test_small_differences_of_alike_rooms_do_not_add_up_while_the_robot_stands(o
     there = Pose2(22.0, 9.3, 3.04)
     assert run(driving(120, there, IDENTITY, OFFICE), Map(office))[0] is None
     scan = noisy(there, segments=OFFICE)
-    first, second = MapIndex(office).search(scan)[:2]
+    first, second = searched(office, scan)[:2]
     assert 0.8 < first.probability < 0.95 and second.probability > 0.05
 
 
@@ -170,7 +170,7 @@ def test_pieces_give_what_all_at_once_gives(room):
     while not search.advance(Work(300.0)):
         scans += 1
     assert scans > 5
-    assert merged([], search.found) == whole.search(scan)
+    assert merged([], search.found) == searched(whole, scan)
     assert pieces.tiles == whole.tiles
 
 

@@ -10,7 +10,7 @@ from slams.localize.distance_map import DistanceMap
 from slams.localize.map_index import Candidate, MapIndex, Search, Work, end_points, merged
 from slams.test_world import odd_scans
 from slams.types import Laser, OccupancyGrid, Pose2
-from tests.floors import ALIKE, grid_of, noisy
+from tests.floors import ALIKE, grid_of, noisy, searched
 from tests.rooms import ROOM, box, error, laser
 
 POSES = [(-1.0, 0.5, 0.3), (1.5, -2.0, 2.0), (4.2, 3.1, -1.0), (-3.2, 3.0, -2.8), (1.0, 3.2, 0.0)]
@@ -56,7 +56,7 @@ def test_any_place_of_a_room_is_found_by_one_scan(seed, room):
     iy, ix = cells[rng.integers(len(cells))]
     x, y = room.distances.origin + (np.array([ix, iy]) + rng.random(2)) * room.distances.resolution
     pose = (float(x), float(y), float(rng.uniform(-math.pi, math.pi)))
-    first, *others = room.search(noisy(pose, seed))
+    first, *others = searched(room, noisy(pose, seed))
     assert error(first.pose, pose)[0] < 0.1 and error(first.pose, pose)[1] < math.radians(3.0)
     assert first.probability + sum(c.probability for c in others) <= 1.0 + 1e-9
     assert first.score > 0.8
@@ -74,7 +74,7 @@ LASERS = {
 def test_every_laser_is_served(kind, room):
     pose = Pose2(-1.0, 0.5, 0.3)
     scan = noisy(pose, 1, LASERS[kind])
-    for found in (room.search(scan)[0], room.match(scan, [pose])[0]):
+    for found in (searched(room, scan)[0], room.match(scan, [pose])[0]):
         assert error(found.pose, pose)[0] < 0.06
 
 
@@ -82,7 +82,7 @@ def test_people_do_not_throw_it_off(room):
     scan = noisy(POSES[0])
     ranges = scan.ranges.copy()
     ranges[100:180], ranges[300:360] = 0.7, np.nan
-    first = room.search(type(scan)(0.0, ranges, scan.laser))[0]
+    first = searched(room, type(scan)(0.0, ranges, scan.laser))[0]
     assert error(first.pose, POSES[0])[0] < 0.1
     assert first.conflicts < 0.05 and 0.7 < first.inliers < 0.9
 
@@ -166,7 +166,7 @@ def test_a_laser_whose_back_was_never_seen_has_room(room):
     index = MapIndex(OccupancyGrid(p, 0.05, room.grid.origin))
     poses = np.array([(1.0, 0.5, 0.0, 1.0), (0.9, 0.5, 0.0, 1.0), (0.5, 0.5, 0.0, 1.0)])
     assert index.in_free_space(poses).tolist() == [True, True, False]
-    assert error(index.search(noisy((1.0, 0.5, 0.0)))[0].pose, (1.0, 0.5, 0.0))[0] < 0.1
+    assert error(searched(index, noisy((1.0, 0.5, 0.0)))[0].pose, (1.0, 0.5, 0.0))[0] < 0.1
 
 
 @pytest.mark.parametrize("cell", [0.02, 0.05, 0.1])
