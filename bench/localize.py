@@ -151,8 +151,8 @@ def _driven(place: Place, label: str) -> Iterator[dict[str, Any]]:
     assert truth is not None
     replay(slam, place.first)
     for kind, given, frame in (
-        ("first drive", GivenMap(slam.map(), slam, label), Pose2(*truth[0])),
-        ("floor plan", GivenMap(place.plan, None, ""), IDENTITY),
+        ("first drive", GivenMap(slam.map(), slam), Pose2(*truth[0])),
+        ("floor plan", GivenMap(place.plan), IDENTITY),
     ):
         row = {"algorithm": label, "map": kind}
         try:

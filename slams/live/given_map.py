@@ -48,10 +48,7 @@ class GivenMapSlam:
         start: Sequence[float] | None,
         notes: list[str],
     ) -> None:
-        if isinstance(given, OccupancyGrid):
-            opened = GivenMap(given, None, "")
-        else:
-            opened = open_map(given, notes)
+        opened = GivenMap(given) if isinstance(given, OccupancyGrid) else open_map(given, notes)
         self._prepared, self._notes = prepare(entry, params, opened), notes
         self._start = None if start is None else Pose2(*map(float, start))
         if start is None:

@@ -24,11 +24,10 @@ ZIP_MAGIC = b"PK"  # first bytes of a saved state
 
 
 class GivenMap(NamedTuple):
-    """A given map as a grid; if it is a state, with its algorithm and the label of that."""
+    """A given map as a grid; if it is a state, with its algorithm."""
 
     grid: OccupancyGrid
-    slam: Slam | None
-    label: str
+    slam: Slam | None = None
 
 
 class Prepared(NamedTuple):
@@ -51,15 +50,15 @@ def open_map(path: str | Path, notes: list[str] | None = None) -> GivenMap:
         ValueError: the file is neither; the message gives the reason.
     """
     from slams.formats.occupancy import read_map
-    from slams.state import read_state
+    from slams.state import load_state
 
     path = Path(path)
     with path.open("rb") as file:
         is_state = file.read(len(ZIP_MAGIC)) == ZIP_MAGIC
     if not is_state:
-        return GivenMap(read_map(path, notes), None, "")
-    state = read_state(path)
-    return GivenMap(state.slam.map(), state.slam, state.label)
+        return GivenMap(read_map(path, notes))
+    slam = load_state(path)
+    return GivenMap(slam.map(), slam)
 
 
 def prepare(entry: Entry, params: Params, given: GivenMap) -> Prepared:
@@ -69,10 +68,8 @@ def prepare(entry: Entry, params: Params, given: GivenMap) -> Prepared:
         TypeError: the algorithm does not implement `Localizes`.
         ValueError: the map has no wall or no free space.
     """
-    from slams.registry import label_of
-
     index = MapIndex(given.grid)
-    if given.slam is not None and given.label == label_of(entry.cls):
+    if type(given.slam) is entry.cls:
         slam = check_localizes(given.slam, entry.label)
         slam.frozen = True
         return Prepared(slam, index, IDENTITY)
