@@ -133,8 +133,6 @@ class LoopDetector:
         self._last_query_path = path
         later = int(np.searchsorted(graph.path, path))
         old = np.flatnonzero(graph.path < graph.path[later] - self._min_path)
-        if old.size == 0:
-            return None
         covariances = graph.uncertainty(later)[old]
         distances = np.hypot(*(graph.poses[old, :2] - graph.poses[later, :2]).T)
         deviation = np.sqrt(covariances[:, 0, 0] + covariances[:, 1, 1])
