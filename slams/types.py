@@ -228,7 +228,6 @@ class Slam(Protocol):
         """Counts so far (inserted, rejected, lost, ...)."""
 
 
-@runtime_checkable
 class Confident(Protocol):
     """An algorithm with state, quality and covariance of its last pose."""
 

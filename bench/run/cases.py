@@ -24,7 +24,7 @@ from slams.registry import find
 from slams.ros.ros_params import Taken
 from slams.scanlog import ScanLog
 from slams.summary import cost, moments, summarize
-from slams.types import Confident, Floats, Pose2, Scan, Slam
+from slams.types import Floats, Pose2, Scan, Slam
 
 
 @dataclass(frozen=True)
@@ -113,11 +113,10 @@ def replayed(label: str, log: ScanLog, choice: Choice) -> Outcome:
 
 def _watched(log: ScanLog, slam: Slam, quality: list[float]) -> Iterator[Scan]:
     """The scans; appends the match quality of each to `quality`, if the algorithm has it."""
-    confident = slam if isinstance(slam, Confident) else None
     for scan in log:
         yield scan
-        if confident is not None:
-            quality.append(confident.quality)
+        if hasattr(slam, "quality"):
+            quality.append(slam.quality)
 
 
 def failed(label: str, log: ScanLog, reason: str) -> Outcome:

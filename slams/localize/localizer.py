@@ -43,8 +43,9 @@ class Localizer:
 
     @property
     def params(self) -> Any:
-        """Parameters of the algorithm."""
-        return getattr(self.slam, "params", None)
+        """Parameters of the algorithm; no attribute if it has none."""
+        slam: Any = self.slam
+        return slam.params
 
     def update(self, scan: Scan) -> Pose2:
         """Pose of the base in the map at the next scan."""

@@ -195,6 +195,19 @@ def test_a_run_localizes_in_a_map_of_map_server(files, capsys):
     assert len(errors(files / "o")) == 9
 
 
+class Bare(Drifting):
+    """An algorithm without parameters to show, as the contract allows."""
+
+    def __init__(self, params):
+        super().__init__(params)
+        del self.params
+
+
+def test_a_run_localizes_by_an_algorithm_that_has_the_methods_alone(files):
+    there = ("--localize", files / "map.yaml", "--start=0.3,-0.2,0.4", "--out", files / "o")
+    assert command(f"{__name__}:Bare", files / "room.npz", *there) == 0
+
+
 def test_a_run_begins_at_the_scan_that_is_found(files, log, capsys):
     ranges = log.ranges.copy()
     ranges[:3] = np.nan
