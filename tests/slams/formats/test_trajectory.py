@@ -10,7 +10,7 @@ import slams
 from slams.formats import mcap, trajectory
 from slams.formats.options import SourceOptions
 from slams.formats.trajectory import read_trajectory
-from slams.types import Pose2
+from slams.types import IDENTITY, Pose2
 from tests import bags
 from tests.rooms import drive
 
@@ -180,9 +180,10 @@ def test_a_transform_sent_again_and_again_is_not_the_quickest(tmp_path):
             every.append(("/tf", t, transform(make, t, "odom", "base_link", odom(k))))
             sent = T[k - k % 10] if k < N - 1 else t  # two stamps that differ, five times each
             every += [("/tf", t, transform(make, sent, "map", "odom", shift(sent)))] * 3
+            every += [("/tf", t, transform(make, s, "top", "map", IDENTITY)) for s in (t, t + 0.03)]
         return every
 
-    same(read_trajectory("map", bags.write(tmp_path, "mcap", messages)))
+    same(read_trajectory("top", bags.write(tmp_path, "mcap", messages)))
 
 
 def test_of_a_path_the_last_message_counts_and_it_needs_stamps(tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slams.localize import Candidate, GlobalLocalizer, Localizer, MapIndex, global_localizer
-from slams.localize.distance_kernels import MAX_FIT_ROTATION, fit
+from slams.localize.distance_kernels import FIT_DAMPING, MAX_FIT_ROTATION, fit, normal_equations
 from slams.localize.distance_map import DistanceMap
 from slams.localize.global_localizer import SEARCH_TIME
 from slams.localize.map_index import SCORE_TOLERANCE, is_same, merged
@@ -48,7 +48,7 @@ def guided(monkeypatch):
     monkeypatch.setattr(global_localizer, "Search", Guided)
 
 
-def test_one_step_of_a_fit_is_limited():
+def test_one_step_of_a_fit_is_damped_and_limited():
     distances, pose = DistanceMap(grid_of(ROOM)), Pose2(1.0, 0.5, 0.0)
     ends = scan_at(pose, LIDAR).ranges[:, None] * LIDAR.directions
     for off, soft in ((Pose2(0.1, 0.08, 0.0), 0.2), (Pose2(0.0, 0.0, 0.15), 2.0)):
@@ -58,6 +58,12 @@ def test_one_step_of_a_fit_is_limited():
         steps = np.abs(moved - start)
         assert (steps[:2] <= 1.0001 * soft).all() and steps[2] <= 1.0001 * MAX_FIT_ROTATION
         assert steps[2] == pytest.approx(MAX_FIT_ROTATION) or steps[:2].max() == pytest.approx(soft)
+    H, b, start = np.zeros((3, 3)), np.zeros(3), distances.in_cells(pose @ Pose2(0.01, 0.0, 2e-3))
+    moved, points = start.copy(), ends / distances.resolution
+    fit(distances.distances, points, np.array([9.0]), 1, moved)
+    normal_equations(distances.distances, points, 9.0, start, H, b)
+    damped = H + (FIT_DAMPING - 1.0) * np.diag(np.diag(H))
+    assert moved - start == pytest.approx(np.linalg.solve(damped, b), rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -160,10 +160,12 @@ def test_inliers_and_conflicts_of_a_scan_by_hand(step):
     assert (seen & visibility.CONFLICT > 0).tolist() == [case[3] for case in cases]
 
 
-def test_a_cell_next_to_one_with_a_wall_is_less_likely():
+def test_a_wall_is_in_the_cell_of_its_end_point_and_less_likely_next_to_it():
     key = keyframe(scan_at(IDENTITY, laser(61)), IDENTITY)
-    likelihood = LocalMap([key], [IDENTITY])._field.likelihood
+    likelihood, *corner, cell, _, _, _ = LocalMap([key], [IDENTITY])._field
     walls, adjacent = np.argwhere(likelihood == 1.0), np.float32(matching.ADJACENT_CELL_LIKELIHOOD)
+    middles = corner + cell * walls[:, ::-1]
+    assert np.abs(key.ends.T[:, None] - middles).max(axis=2).min(axis=1).max() < 0.501 * cell
     for iy, ix in walls.tolist():
         assert (likelihood[iy - 1 : iy + 2, ix - 1 : ix + 2] >= adjacent).all()
     off = np.abs(np.argwhere(likelihood > 0.0)[:, None] - walls).max(axis=2).min(axis=1)
