@@ -44,7 +44,7 @@ class EndPointMatcher:
         x, y, theta = poses[0].tolist()
         inlier_ratio = self.evaluate(view, owner, poses[0], NO_FREE_SPACE)[0] / view.beams
         pose, information = Pose2(x, y, float(wrap_angle(theta))), np.linalg.inv(covariance[0])
-        return Match(pose, inlier_ratio, 1.0 / self._model(view).information, information)
+        return Match(pose, inlier_ratio, information=information)
 
     def propose(
         self, view: View, means: Floats, information: Floats, loops: list[Pose2], counts: BeamCounts
