@@ -399,3 +399,14 @@ def test_after_a_loop_that_confirms_the_graph_the_next_search_waits(off, waits):
     before = slam._detector._last_query_path
     slam.update(still(12, odometry=Pose2(6.0, 0.0, 0.0)))
     assert slam._detector._last_query_path == before + (LOCAL_MAP_RADIUS if waits else 0.0)
+
+
+def test_a_graph_is_optimized_until_it_rests():
+    slam = new()
+    for k in range(12):
+        slam.update(still(k, odometry=Pose2(0.5 * k, 0.0, 0.0)))
+    slam.graph.loops.append(LoopEdge(0, 11, Pose2(2.0, 3.0, 2.0), INFORMATION))
+    slam._is_optimizing = True
+    while slam._is_optimizing:
+        slam._work(still(12), IDENTITY, 1)
+    assert slam.graph.iterate() < 1e-4
