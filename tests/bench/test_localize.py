@@ -1,10 +1,14 @@
 """What localizing in a map that stays, and closing loops, are measured by."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from bench import localize, loops
 from bench.sim.world import World
+from tests.floors import grid_of
+from tests.rooms import ROOM, drive, laser
 
 
 def test_a_floor_plan_is_dark_wherever_a_wall_is():
@@ -29,6 +33,12 @@ def test_errors_are_those_of_the_map_and_of_the_truth(capsys, monkeypatch):
     (mean, worst, p95, first, arenas), of_plan = map(float, own[3:]), float(plan[3])
     assert 0.0 < mean < 10.0 and mean < of_plan < 30.0  # mm
     assert mean == worst < p95 and first > 0.0 and arenas == 1
+
+
+def test_a_scan_of_too_few_beams_is_found_nowhere():
+    place = SimpleNamespace(plan=grid_of(ROOM), first=drive(n=3, lidar=laser(11)))
+    for found in localize._searched(place):
+        assert (found["right"], found["confident"], found["error_m"]) == (False, False, np.inf)
 
 
 def test_a_drive_that_is_not_found_is_no_arena_of_the_table():

@@ -94,7 +94,7 @@ def test_a_lost_run_tells_when_by_what_judged_it(by, at):
     table = tables.tables({"name": "l"}, [strayed(by=by), row("b")])["overview"].frame
     assert table.loc["a (lost)", "lost after [m]"] == 2.0
     assert table.loc["a (lost)", "within limits [%]"] == 25.0
-    assert table.loc["b"].isna()["lost after [m]"]
+    assert table.loc["b"].isna()["lost after [m]"] and table.loc["b", "drift [mm/m]"] == 1.0
 
 
 def test_a_figure_of_a_map_that_means_nothing_is_left_out():
