@@ -18,7 +18,9 @@ from tsd.map_kernels import (
     BEHIND_BIT,
     PASS_BITS,
     PushRule,
+    allocate_tile,
     carve,
+    decay_cell,
     layer_of,
     list_rows,
     push_rows,
@@ -195,6 +197,17 @@ def test_carve_marks_what_every_beam_passes():
     for _ in range(3):
         carve(field, lines, 200, *laser_at, PushRule(0.15, 100.0, gap))
     assert np.array_equal(field.cell_state, PASS_BITS * seen)  # three are counted, no more
+
+
+def test_only_what_is_behind_a_surface_decays():
+    field = field_of().kernel
+    slot = field.slots[0, 0, 0] = allocate_tile(field)
+    tsd, weight = field.tsd[slot, 0], field.weight[slot, 0]
+    tsd[:4], weight[:4] = (-0.1, -0.1, 0.1, np.nan), (4.0, 0.9, 0.9, 0.0)
+    gone = [decay_cell(field, 0, 0, ix, 0.5, -0.05) for ix in range(4)]
+    assert gone == [False, True, False, False]
+    np.testing.assert_allclose(weight[:4], (2.0, 0.0, 0.9, 0.0), rtol=1e-6)
+    assert np.isnan(tsd[1]) and tsd[2] > 0.0
 
 
 def test_a_part_of_the_map_copies_its_own_tiles_only():
