@@ -217,3 +217,4 @@ def test_a_part_of_the_map_copies_its_own_tiles_only():
     field, part = slam._map, slam._map._window(Box(28.0, -2.0, 32.0, 2.0))
     drawing = field._drawing(part)
     assert len(drawing.tsd) == 1 + np.count_nonzero(drawing.slots) < 0.5 * field.kernel.used[0]
+    assert [cells.stop - cells.start for cells in part[0]] == [80, 80]  # 4 m, whole tiles
