@@ -158,10 +158,11 @@ def test_heading_and_attitude_reach_the_algorithm():
         (0.0, 0.5, (0.1, -0.2)),
         (1.0, math.nan, (math.nan, 0.0)),
         (2.0, 1e9, None),
-        (3.0, None, None),
+        (3.0, -math.inf, None),
+        (4.0, None, None),
     ):
         push(live, scan, stamp=t, yaw=yaw, attitude=attitude)
-    assert seen == [(0.5, Attitude(0.1, -0.2)), *[(None, None)] * 3]
+    assert seen == [(0.5, Attitude(0.1, -0.2)), *[(None, None)] * 4]
 
 
 def test_readings_at_mid_sweep_reach_the_algorithm():
