@@ -273,10 +273,20 @@ def looped(algorithm: type[Any]) -> type[Looped]:
         )
     presets = {key: value for key, value in own.PRESETS.items() if not isinstance(value, str)}
     module = algorithm.__module__  # where a saved state looks classes up by name
-    fields = {"PRESETS": presets, "__module__": module}
+
+    def pickled(self: Any) -> Any:
+        return _params_of, (algorithm, self.as_dict())
+
+    fields = {"PRESETS": presets, "__module__": module, "__reduce__": pickled}
     params: Any = dataclass(frozen=True)(type(f"Looped{own.__name__}", (LoopParams, own), fields))
     attributes = {"Params": params, "algorithm": algorithm, "__module__": module}
     cls = type(f"Looped{name}", (Looped,), attributes)
     for kind in (params, cls):
         setattr(sys.modules[module], kind.__name__, kind)
     return cls
+
+
+def _params_of(algorithm: type[Any], values: dict[str, Any]) -> Any:
+    """Parameters of an algorithm with loops, unpickled in a process that has no such class yet."""
+    make: Any = looped
+    return make(algorithm).Params(**values)

@@ -1,6 +1,9 @@
 """An algorithm with loops: wheels drift on a drive around a building, the return closes it."""
 
 import math
+import pickle
+import subprocess
+import sys
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
@@ -123,6 +126,14 @@ def test_a_state_goes_on_bit_for_bit(tmp_path):
     for k in range(half, half + 60):
         assert again.update(scans[k]) == slam.update(scans[k])
     assert np.array_equal(again.corrected(), slam.corrected())
+
+
+def test_parameters_pass_to_another_process():
+    params = find("hector+loops").params().replace(loop_path=12.5)
+    code = "import pickle, sys; print(pickle.load(sys.stdin.buffer).as_dict())"
+    pickled = {"input": pickle.dumps(params), "capture_output": True, "check": True}
+    shown = subprocess.run([sys.executable, "-c", code], **pickled).stdout.decode()
+    assert shown.strip() == str(params.as_dict())
 
 
 def test_an_algorithm_without_the_hooks_is_refused():
