@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 def _command(options: argparse.Namespace) -> int:
     from bench.sim.simulation import picture, simulate, world_of
-    from slams.formats.files import check_file
+    from slams.formats.files import check_new_file
 
-    start = time.process_time()
-    cli.refusing(lambda: check_file(options.out, ".npz"))
+    start, kinds_of_picture = time.process_time(), (".png", ".pdf", ".svg", ".jpg")
+    cli.refusing(lambda: check_new_file(options.out, options.force, ".npz"))
     if options.picture is not None:
-        cli.refusing(lambda: check_file(options.picture, ".png", ".pdf", ".svg", ".jpg"))
+        cli.refusing(lambda: check_new_file(options.picture, options.force, *kinds_of_picture))
     names = {field.name for field in dataclasses.fields(Setting)}
     given = {key: value for key, value in vars(options).items() if key in names}
     log = cli.refusing(lambda: simulate(Setting(**given), options.quiet))
@@ -56,6 +56,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--picture", type=Path, metavar="OUT.png", help="draw the arena and the drive to a file"
     )
+    p.add_argument("--force", action="store_true", help="replace files that exist")
     p.add_argument("-q", "--quiet", action="store_true", help="print errors only")
     return p
 

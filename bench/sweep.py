@@ -156,15 +156,23 @@ def swept(arguments: argparse.Namespace) -> Sweep:
     """All trials of a command, computed now or kept from before."""
     from bench.run import timing
     from bench.run.store import Store
-    from slams.formats.files import check_folder
 
     plan = cli.refusing(lambda: _plan(arguments))
     place = Path(arguments.out)
-    cli.refusing(lambda: check_folder(place))
+    cli.refusing(lambda: _check_place(place))
     store = cli.refusing(lambda: Store(place / "runs"))
     cases = plan.cases(place / "logs")
     done = _do(cases, store, arguments)
     return plan.gathered(cases, done, store, timing.record(arguments))
+
+
+def _check_place(folder: Path) -> None:
+    """Refuse a folder that cannot be written, or has files but no runs of a sweep."""
+    from slams.formats.files import check_folder
+
+    check_folder(folder)
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / "runs").is_dir():
+        raise FileExistsError(f"{folder}: has files that are not of a sweep; expected a new folder")
 
 
 def _plan(arguments: argparse.Namespace) -> Plan:

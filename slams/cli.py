@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import fields
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -98,7 +99,15 @@ def main_of(
     def main(argv: list[str] | None = None) -> int:
         made, words = parser(), sys.argv[1:] if argv is None else argv
         given = argparse.Namespace(words=words, program=made.prog)
-        return run_command(made.prog, lambda: command(made.parse_intermixed_args(words, given)))
+
+        def parse_and_run() -> int:
+            """The command with its parsed arguments."""
+            for before, word in pairwise([made.prog, *words]):
+                if not word or (word.startswith("--") and word.endswith("=")):
+                    made.error(f"{word[:-1] or before}: got an empty value")
+            return command(made.parse_intermixed_args(words, given))
+
+        return run_command(made.prog, parse_and_run)
 
     return main
 

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from slams import cli
-from slams.formats.files import check_file, check_new
+from slams.formats.files import check_new_file
 from slams.info import described
 
 
@@ -27,8 +27,7 @@ def parser() -> argparse.ArgumentParser:
 def _command(arguments: argparse.Namespace) -> int:
     from slams.formats.source import load
 
-    cli.refusing(lambda: check_file(arguments.out, ".npz"))
-    cli.refusing(lambda: check_new(arguments.out, arguments.force))
+    cli.refusing(lambda: check_new_file(arguments.out, arguments.force, ".npz"))
     log = cli.refusing(lambda: load(arguments.log, cli.log_options(arguments)))
     cli.show_notes(arguments, log.notes)
     cli.refusing(lambda: log.save(arguments.out))

@@ -121,7 +121,9 @@ def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params, Taken | None]:
     entry, ros = find(arguments.algorithm), None
     params = entry.params()
     if arguments.sensor:
-        params = params.for_sensor(arguments.sensor)
+        before, params = params, params.for_sensor(arguments.sensor)
+        if params == before and not arguments.quiet:
+            sys.stderr.write(f"note: --sensor {arguments.sensor} sets nothing for {entry.label}\n")
     if arguments.ros_params:
         from slams.ros import ros_params
 
@@ -225,18 +227,25 @@ def _prepared(
 
 
 def _folder(label: str, arguments: argparse.Namespace) -> Path:
-    """The folder of the results, named after the log; files are overwritten only by --force.
+    """The folder of the results, named after the log."""
+    name = f"{name_of(Path(arguments.log[0]))}-{label.replace(':', '.')}"
+    folder, save = Path(arguments.out or f"results/{name}"), arguments.save_state
+    if save and any(Path(save).resolve() == Path(one).resolve() for one in arguments.log):
+        raise ValueError(f"--save-state: got {save}, the log itself; choose another name")
+    check_results(folder, arguments)
+    return folder
+
+
+def check_results(folder: Path, arguments: argparse.Namespace) -> None:
+    """Check that results and state can be written, and replace files only if `--force` is set.
 
     An exception is a state that is resumed from and saved to the same file.
     """
-    name = f"{name_of(Path(arguments.log[0]))}-{label.replace(':', '.')}"
-    folder = Path(arguments.out or f"results/{name}")
     files.check_folder(folder)
     files.check_new(folder, arguments.force)
     save = arguments.save_state
     if save and save != arguments.resume_state and Path(save).is_file():
         files.check_new(save, arguments.force)
-    return folder
 
 
 def _slam_and_rest(

@@ -10,6 +10,7 @@ from slams.__main__ import main
 from slams.formats.occupancy import write_map
 from slams.formats.trajectory import write_tum
 from slams.state import save
+from slams.types import OccupancyGrid
 from tests.floors import grid_of
 from tests.rooms import drive, rewritten, settled
 from tests.slams.live.commands import environment
@@ -57,6 +58,13 @@ check | required: algorithm
 check hecter | did you mean 'hector'
 check slams.baselines:None_ | algorithm 'slams.baselines:None_'
 compare none.npz | none.npz: no such file
+run hector room.npz --save-state '' | --save-state: got an empty value
+run hector room.npz --save-state ./room.npz --force | room.npz, the log itself
+run hector room.npz ./room.npz | a file twice
+run hector@paper room.npz --resume-state hector.state | saved with estimator filter, got plain
+run hector room.npz --localize hector.state --set resolution=0.1 | saved with resolution 0.05
+run hector room.npz --localize map.yaml --start=100,100,0 | no beam of the first scan ends
+run hector room.npz --localize full/map.yaml | full/map.yaml: a map of 24 occupied and 0 free cells
 compare --algorithms nobody | unknown algorithm 'nobody'
 compare --jobs 0 | --jobs: got 0
 compare --relations r.txt | expected the one they are of
@@ -108,6 +116,7 @@ sweep --sensor lds3 | unknown sensor
 sweep --duration 1 | --duration: got 1
 sweep --duration long | --duration: invalid float value: 'long'
 sweep none.npz | none.npz
+sweep --out . | .: has files that are not of a sweep
 sweep blind.npz | has no ground truth; a sweep needs one
 sweep --scan-topic /scan | --scan-topic: got no log
 sweep none.npz --arenas ring | --arenas: only for simulated drives; got none.npz
@@ -119,6 +128,7 @@ ablation hector --arenas moon | unknown arena 'moon'
 ablation hector --duration 1 | --duration: got 1
 localize --arenas 0 | --arenas: got 0, expected 1 or more
 localize --algorithms odometry | odometry cannot localize in a map that is given
+localize --algorithms | --algorithms: expected at least one argument
 loops --buildings 0 | --buildings: got 0, expected 1 or more
 loops --algorithms gmapping:n_particles=0 | n_particles
 loops --algorithms nobody | nobody
@@ -133,11 +143,16 @@ simulate s.npz --size 8 --dropout 1.5 | expected 0 to 1
 simulate s.npz --size 8 --clearance 3 | no room to drive
 simulate s.npz --size 8 --picture arena.doc | ends in .png
 simulate s.txt --size 8 | ends in .npz
+simulate room.npz --size 8 | room.npz: exists; --force replaces it
+simulate s.npz --size 8 --picture map.pgm | ends in .png
 simulate nowhere/s.npz --size 8 | no such folder
 live hectro | did you mean 'hector'
 live odometry --domain-id 233 | domain: got 233, expected 0 to 232
 live odometry --map-every -1 | --map-every: got -1, expected 0 s or
 live odometry --record a.bag | expected a name that ends in .mcap
+live odometry --record full/room.mcap | full/room.mcap: exists; --force replaces it
+live odometry --save-state hector.state | hector.state: exists
+live odometry --out . | .: exists
 live hector --map m --map-every 9 | --map-every: got --localize
 play nothing.npz | nothing.npz: no such file
 play room.npz --no-odometry --odom none | --no-odometry: got --odom
@@ -163,6 +178,9 @@ def folder(tmp_path_factory):
         write_tum(folder / f"{name}.tum", log.t[:rows] + later, log.truth_at(log.t)[:rows])
     save(settled("hector", 3), folder / "hector.state")
     write_map(folder, grid_of())
+    (folder / "full").mkdir()
+    (folder / "full/room.mcap").write_bytes(b"mine")
+    write_map(folder / "full", OccupancyGrid(np.ones((4, 6), np.float32), 0.05, (0.0, 0.0)))
     (folder / "bad.yaml").write_text("image: none.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
     return folder
 

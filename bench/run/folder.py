@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from itertools import chain, count
 from pathlib import Path
 
 from bench.results import RESULTS_FILE
@@ -30,8 +29,7 @@ def claimed(out: str | None, logs: Iterable[str], force: bool) -> Path:
     default = RESULTS_FOLDER / "-".join(["compare", *names])[:MAX_NAME_LENGTH].rstrip("-")
     if out is None and not force:
         files.check_folder(default.parent)
-        numbered = (default.with_name(f"{default.name}-{k}") for k in count(2))
-        return next(path for path in chain([default], numbered) if not path.exists())
+        return files.unused(default)
     folder = Path(out or default)
     files.check_folder(folder)
     if not folder.exists() or not any(folder.iterdir()):

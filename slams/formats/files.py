@@ -7,6 +7,7 @@ import platform
 import shutil
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from itertools import chain, count
 from pathlib import Path
 
 
@@ -15,11 +16,19 @@ def check_folder(folder: str | Path) -> None:
 
     Raises:
         NotADirectoryError: the path, or one of its parents, is a file.
+        PermissionError: the folder cannot be written.
     """
     folder = Path(folder)
-    for path in (folder, *folder.parents):
-        if path.exists() and not path.is_dir():
-            raise NotADirectoryError(f"{path}: is a file; expected a folder for the results")
+    nearest = next(path for path in (folder, *folder.parents) if path.exists())
+    if not nearest.is_dir():
+        raise NotADirectoryError(f"{nearest}: is a file; expected a folder for the results")
+    _check_writable(nearest)
+
+
+def unused(folder: Path) -> Path:
+    """The folder, or the first of FOLDER-2, FOLDER-3, ... that does not exist."""
+    numbered = (folder.with_name(f"{folder.name}-{k}") for k in count(2))
+    return next(path for path in chain([folder], numbered) if not path.exists())
 
 
 def check_file(path: str | Path, *endings: str) -> None:
@@ -29,6 +38,7 @@ def check_file(path: str | Path, *endings: str) -> None:
         ValueError: the name has none of the endings.
         FileNotFoundError: the folder of the file does not exist.
         IsADirectoryError: the path is a folder.
+        PermissionError: the folder of the file cannot be written.
     """
     path = Path(path)
     if endings and path.suffix not in endings:
@@ -37,6 +47,12 @@ def check_file(path: str | Path, *endings: str) -> None:
         raise FileNotFoundError(f"{path.parent}: no such folder; make it first")
     if path.is_dir():
         raise IsADirectoryError(f"{path}: is a folder; expected the name of a file")
+    _check_writable(path.parent)
+
+
+def _check_writable(folder: Path) -> None:
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise PermissionError(f"{folder}: permission denied; expected a folder that can be written")
 
 
 def check_new(path: str | Path, force: bool) -> None:
@@ -49,6 +65,12 @@ def check_new(path: str | Path, force: bool) -> None:
     exists = any(path.iterdir()) if path.is_dir() else path.exists()
     if exists and not force:
         raise FileExistsError(f"{path}: exists; --force replaces it, or choose another name")
+
+
+def check_new_file(path: str | Path, force: bool, *endings: str) -> None:
+    """`check_file` and `check_new`."""
+    check_file(path, *endings)
+    check_new(path, force)
 
 
 @contextmanager

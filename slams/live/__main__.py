@@ -15,6 +15,7 @@ from slams.live.network import add_network_options, transport_of
 from slams.live.options import add_node_options, node_options
 from slams.run import (
     add_state_options,
+    check_results,
     chosen,
     files_of_run,
     given_start,
@@ -38,8 +39,12 @@ def parser() -> argparse.ArgumentParser:
     )
     cli.add_algorithm_options(p)
     p.add_argument(
-        "--out", metavar="DIR", help="folder of the results (default: results/live-<algorithm>)"
+        "--out",
+        metavar="DIR",
+        help="folder of the results (default: results/live-<algorithm>, with -2, -3, ... where "
+        "that exists)",
     )
+    p.add_argument("--force", action="store_true", help="replace files that exist")
     p.add_argument("--record", metavar="FILE.mcap", help="record all messages in and out to a bag")
     p.add_argument("-q", "--quiet", action="store_true", help="print no notes and no status line")
     add_state_options(p)
@@ -53,11 +58,9 @@ def _command(arguments: argparse.Namespace) -> int:
     if arguments.show_params:
         sys.stdout.write(parameter_table(params))
         return 0
-    from slams.formats.files import check_folder
     from slams.live.diagnostics import Terminal
 
-    folder = Path(arguments.out or f"results/live-{entry.label.replace(':', '.')}")
-    cli.refusing(lambda: check_folder(folder))
+    folder = cli.refusing(lambda: _folder(entry.label, arguments))
     terminal, ending = Terminal(arguments), _end_event()
     node = cli.refusing(lambda: _node(arguments, entry.label, params, terminal))
     gc.collect()
@@ -73,9 +76,9 @@ def _command(arguments: argparse.Namespace) -> int:
         if searched:
             reason = f"not localized in the map after {searched} scans ({node.live.candidates})"
         raise RuntimeError(f"{reason}; nothing is written")
+    cli.refusing(lambda: write_results(folder, entry.label, node))
     if arguments.save_state:
         cli.refusing(lambda: node.live.save(arguments.save_state))
-    cli.refusing(lambda: write_results(folder, entry.label, node))
     if not arguments.quiet:
         dropped = node.scans.counts["dropped"]
         delays = ", ".join(f"{name} {value} ms" for name, value in node.drive.delay_ms().items())
@@ -84,6 +87,19 @@ def _command(arguments: argparse.Namespace) -> int:
             f"from scan to pose: {delays}\n{folder}/: {', '.join(files_of_run(folder))}\n"
         )
     return 0
+
+
+def _folder(label: str, arguments: argparse.Namespace) -> Path:
+    """The folder of the results; files are replaced only by --force."""
+    from slams.formats import files
+
+    folder = Path(arguments.out or f"results/live-{label.replace(':', '.')}")
+    if arguments.out is None and not arguments.force:
+        folder = files.unused(folder)
+    check_results(folder, arguments)
+    if arguments.record is not None:
+        files.check_new_file(arguments.record, arguments.force, ".mcap")
+    return folder
 
 
 def _node(arguments: argparse.Namespace, label: str, params: Params, terminal: Terminal) -> Node:

@@ -15,12 +15,9 @@ class Recorder:
 
     Raises:
         OSError: the file cannot be written.
-        ValueError: its name does not end in .mcap.
     """
 
     def __init__(self, path: str | Path, options: NodeOptions) -> None:
-        if Path(path).suffix != ".mcap":
-            raise ValueError(f"--record: got {path}, expected a name that ends in .mcap")
         names = options.names
         others = {
             names[name]: (msgtype, quality is Quality.LATCHED)

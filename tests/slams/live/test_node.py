@@ -263,8 +263,6 @@ def test_a_network_that_takes_nothing_does_not_stop_the_robot(stand):
 
 
 def test_a_recording_that_cannot_be_written_is_said(monkeypatch, tmp_path):
-    with pytest.raises(ValueError, match=r"--record: got .*out.bag, expected .*\.mcap"):
-        Recorder(tmp_path / "out.bag", NodeOptions())
     with pytest.raises(OSError, match="nowhere"):
         Recorder(tmp_path / "nowhere" / "out.mcap", NodeOptions())
     recorder = Recorder(tmp_path / "out.mcap", NodeOptions())
