@@ -103,8 +103,8 @@ def _of_log(log: ScanLog) -> Iterator[str]:
         yield "usable by: slams run, play, convert, compare, sweep"
     else:
         yield (
-            "usable by: slams run, play, convert, compare with --relations or --truth, sweep with "
-            "--truth"
+            "usable by: slams run, play, convert, compare (pose errors with --relations or "
+            "--truth), sweep with --truth"
         )
 
 

@@ -129,7 +129,9 @@ class ScanLog:
 
     def of_one_laser(self) -> ScanLog:
         """The log itself; ValueError if it has several lasers."""
-        expect(not self.others, self.name, f"{len(self.lasers)} lasers", "one (--scan-topic)")
+        expect(
+            not self.others, self.name, f"{len(self.lasers)} lasers", "one (of a bag: --scan-topic)"
+        )
         return self
 
     @property

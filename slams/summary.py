@@ -197,7 +197,8 @@ def _notes(summary: dict[str, Any]) -> list[str]:
 def _error_lines(errors: dict[str, Any] | None) -> list[str]:
     if errors is None:
         return ["no truth in the log: no errors"]
-    lines = ["error against the truth    mean      max  [mm]     mean      max  [mrad]"]
+    head = "error against the truth    mean      max  [mm]     mean      max  [mrad]"
+    lines = [head] if any(key in errors for key in ERROR_SPANS) else []
     for key, (_, name) in ERROR_SPANS.items():
         if key in errors:
             x, r = errors[key]["translation_m"], errors[key]["rotation_rad"]

@@ -131,8 +131,8 @@ def _draw_costs(
     If the sweep has no drives without degradation, the points are medians over all runs.
     """
     levels = sweep.facts["levels"]
-    title = "Drives without degradation" if CLEAN in levels else "Runs that were not lost"
-    title += ", dots: with fewer beams" if BEAM_DEGRADATION in levels else ""
+    title = "No degradation" if CLEAN in levels else "Runs that were not lost"
+    title += ", dots: fewer beams" if BEAM_DEGRADATION in levels else ""
     axes.set(xscale="log", yscale="log", title=f"{title}; {MODES[odometry]}")
     places: list[Point] = []
     for name, mode, of in found.rows:

@@ -103,7 +103,8 @@ def foreign_case(foreign: Foreign, log: ScanLog, relations: Floats | None = None
 def _named(option: str, texts: Sequence[str]) -> dict[str, str]:
     found: dict[str, str] = {}
     for text in texts:
-        name, what = named(option, text, "NAME=FILE")
+        form = "NAME=FILE" if option == "--map" else "NAME=FILE, a topic or a tf frame"
+        name, what = named(option, text, form)
         if name in found:
             raise ValueError(f"{option}: got the name {name!r} twice, expected different ones")
         found[name] = what

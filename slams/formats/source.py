@@ -40,6 +40,8 @@ def load(
     """
     paths = [Path(path)] if isinstance(path, str | Path) else [Path(item) for item in path]
     expect(len(paths) > 0, "files", "no log given", "one, or the files of a split bag")
+    is_new = len({path.resolve() for path in paths}) == len(paths)
+    expect(is_new, "files", "a file twice", "the files of a split bag")
     options = replace(options or SourceOptions(), **choices)
     kinds = [kind_of(path) for path in paths]
     for item, its_kind in zip(paths, kinds, strict=True):

@@ -30,11 +30,11 @@ def read_text(path: Path) -> str:
     with path.open("rb") as file:
         raw = file.read(MAX_FILE_SIZE + 1)
     if len(raw) > MAX_FILE_SIZE:
-        raise ValueError(f"{path}: larger than 256 kB; expected a file of parameters")
+        raise ValueError(f"{path}: larger than 256 kB; expected a yaml file")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise ValueError(f"{path}: not text; expected a file of parameters") from None
+        raise ValueError(f"{path}: not text; expected a yaml file") from None
 
 
 def parse(text: str, path: Path) -> Any:
@@ -46,7 +46,7 @@ def parse(text: str, path: Path) -> Any:
     try:
         return yaml.load(text, _Loader)
     except RecursionError:
-        raise ValueError(f"{path}: nested too deeply for a file of parameters") from None
+        raise ValueError(f"{path}: nested too deeply for a yaml file") from None
     except (yaml.YAMLError, TypeError, ValueError) as error:  # ValueError: an invalid date
         reason = " ".join(str(error).split())
         raise ValueError(f"{path}: not a YAML file ({reason})") from error

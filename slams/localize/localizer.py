@@ -39,6 +39,7 @@ class Localizer:
         self._start: Pose2 | None = start
         self._scans = self._n_unlike = 0
         self._explained_sum = 0.0
+        self._before = dict(slam.report())  # counts of the drive that made the map
         slam.frozen = True
 
     @property
@@ -62,9 +63,15 @@ class Localizer:
         return self._index.grid
 
     def report(self) -> dict[str, Any]:
-        """The algorithm's counts, the mean of `explained`, the number of scans unlike the map."""
+        """The algorithm's counts in the map, mean of `explained`, number of unlike scans."""
         share = self._explained_sum / self._scans if self._scans else math.nan
-        return dict(self.slam.report()) | {"explained": round(share, 4), "unlike": self._n_unlike}
+        counts = {
+            name: value - self._before.get(name, 0)
+            if isinstance(value, int) and not name.endswith("_ms")
+            else value
+            for name, value in self.slam.report().items()
+        }
+        return counts | {"explained": round(share, 4), "unlike": self._n_unlike}
 
     @property
     def state(self) -> Any:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from slams.localize.global_localizer import GlobalLocalizer
 from slams.localize.hooks import Localizes, check_localizes
 from slams.localize.localizer import Localizer
-from slams.localize.map_index import MapIndex
+from slams.localize.map_index import MapIndex, has_enough
 from slams.localize.virtual import build
 from slams.types import IDENTITY, OccupancyGrid, Pose2
 
@@ -24,10 +24,11 @@ ZIP_MAGIC = b"PK"  # first bytes of a saved state
 
 
 class GivenMap(NamedTuple):
-    """A given map as a grid; if it is a state, with its algorithm."""
+    """A given map as a grid; if it is a state, with its algorithm; `name` for messages."""
 
     grid: OccupancyGrid
     slam: Slam | None = None
+    name: str = "map"
 
 
 class Prepared(NamedTuple):
@@ -56,9 +57,9 @@ def open_map(path: str | Path, notes: list[str] | None = None) -> GivenMap:
     with path.open("rb") as file:
         is_state = file.read(len(ZIP_MAGIC)) == ZIP_MAGIC
     if not is_state:
-        return GivenMap(read_map(path, notes))
+        return GivenMap(read_map(path, notes), name=str(path))
     slam = load_state(path)
-    return GivenMap(slam.map(), slam)
+    return GivenMap(slam.map(), slam, str(path))
 
 
 def prepare(entry: Entry, params: Params, given: GivenMap) -> Prepared:
@@ -66,10 +67,16 @@ def prepare(entry: Entry, params: Params, given: GivenMap) -> Prepared:
 
     Raises:
         TypeError: the algorithm does not implement `Localizes`.
-        ValueError: the map has no wall or no free space.
+        ValueError: the map has no wall or no free space, or its algorithm other parameters.
     """
-    index = MapIndex(given.grid)
-    if type(given.slam) is entry.cls:
+    from slams.state.store import check_params
+
+    try:
+        index = MapIndex(given.grid)
+    except ValueError as error:
+        raise ValueError(f"{given.name}: {error}") from None
+    if given.slam is not None and type(given.slam) is entry.cls:
+        check_params(given.name, given.slam, entry, params)
         slam = check_localizes(given.slam, entry.label)
         slam.frozen = True
         return Prepared(slam, index, IDENTITY)
@@ -86,8 +93,15 @@ class Start(NamedTuple):
 
 
 def start_at(index: MapIndex, log: Iterable[Scan], pose: Pose2) -> Start:
-    """Start at the first scan, fitted to the map near the given pose."""
-    match = index.match(next(iter(log)), [pose])[0]
+    """Start at the first scan, fitted to the map near the given pose.
+
+    Raises:
+        ValueError: the scan does not fit at all.
+    """
+    scan = next(iter(log))
+    match = index.match(scan, [pose])[0]
+    if match.inliers == 0.0 and has_enough(scan):
+        raise ValueError(f"no beam of the first scan ends at a wall of the map near {pose}")
     return Start(0, match.pose, f"starts at {match}")
 
 

@@ -172,14 +172,20 @@ def resume(path: str | Path, entry: Entry, params: Params) -> State:
         ValueError: no state of the algorithm, or one with other parameters.
     """
     state = read_state(path, entry.label)
-    saved: Params = getattr(state.slam, "params", params)
-    if params not in (entry.params(), saved):
+    check_params(path, state.slam, entry, params)
+    return state
+
+
+def check_params(path: object, slam: Slam, entry: Entry, params: Params) -> None:
+    """Refuse parameters, also of a preset, that a saved algorithm does not have: ValueError."""
+    saved: Params = getattr(slam, "params", params)
+    is_default = entry.preset == "default" and params == entry.params()
+    if not is_default and params != saved:
         name = next(n for n, value in saved.as_dict().items() if value != getattr(params, n))
         raise ValueError(
             f"{path}: saved with {name} {getattr(saved, name)}, got {getattr(params, name)}; "
             "a state keeps its own parameters, omit them"
         )
-    return state
 
 
 def rest_of(log: ScanLog, beside: dict[str, Any], every: int = 1) -> tuple[ScanLog, int]:
