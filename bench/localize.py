@@ -47,9 +47,7 @@ def parser() -> argparse.ArgumentParser:
         f"{SEARCHES_PER_ARENA} scans in each arena.",
     )
     default = ["hector", "tsd"]
-    p.add_argument(
-        "--algorithms", metavar="NAME", nargs="+", default=default, help="names (hector tsd)"
-    )
+    p.add_argument("--algorithms", metavar="NAME", nargs="+", default=default, help="(hector tsd)")
     p.add_argument("--arenas", type=cli.count, default=10, metavar="N", help="number (%(default)s)")
     p.add_argument("--duration", type=float, default=30.0, metavar="S", help="of a drive (30)")
     p.add_argument("--size", type=float, metavar="M", help="of an arena, as slams simulate")

@@ -103,8 +103,7 @@ def foreign_case(foreign: Foreign, log: ScanLog, relations: Floats | None = None
 def _named(option: str, texts: Sequence[str]) -> dict[str, str]:
     found: dict[str, str] = {}
     for text in texts:
-        form = "NAME=FILE" if option == "--map" else "NAME=FILE, a topic or a tf frame"
-        name, what = named(option, text, form)
+        name, what = named(option, text, "NAME=FILE (a trajectory: or a topic or tf frame)")
         if name in found:
             raise ValueError(f"{option}: got the name {name!r} twice, expected different ones")
         found[name] = what
