@@ -15,17 +15,16 @@ from slams import cli
 if TYPE_CHECKING:
     from slams.scanlog import ScanLog
 
-PICTURES = ".png", ".pdf", ".svg", ".jpg"
-
 
 def _command(options: argparse.Namespace) -> int:
     from bench.sim.simulation import picture, simulate, world_of
     from slams.formats.files import check_new_file
 
-    start, force = time.process_time(), options.force
-    cli.refusing(lambda: check_new_file(options.out, force, ".npz"))
+    start = time.process_time()
+    cli.refusing(lambda: check_new_file(options.out, options.force, ".npz"))
     if options.picture is not None:
-        cli.refusing(lambda: check_new_file(options.picture, force, *PICTURES))
+        endings = ".png", ".pdf", ".svg", ".jpg"
+        cli.refusing(lambda: check_new_file(options.picture, options.force, *endings))
     names = {field.name for field in dataclasses.fields(Setting)}
     given = {key: value for key, value in vars(options).items() if key in names}
     log = cli.refusing(lambda: simulate(Setting(**given), options.quiet))
