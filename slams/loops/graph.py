@@ -87,7 +87,8 @@ class PoseGraph:
         """
         n, (loops, _, information) = self.n, self._stacked_loops()
         k, variances = np.arange(n - 1), self._variances[1:]
-        noise = np.asarray(np.linalg.inv(information), np.float64)
+        pairs, first = np.unique(loops @ (n, 1), return_index=True)  # csr_array adds equal edges
+        loops, noise = loops[first], np.asarray(np.linalg.inv(information[first]), np.float64)
         weights = np.array((1.0, 1.0, HEADING_LEVER_ARM**2))
         costs = variances @ weights, np.diagonal(noise, axis1=1, axis2=2) @ weights
         rows, columns = np.append(k, loops[:, 0]), np.append(k + 1, loops[:, 1])
@@ -100,10 +101,8 @@ class PoseGraph:
         earlier, later = np.minimum(order, parents), np.maximum(order, parents)
         added = np.zeros((n - 1, 3, 3))  # covariance of the edge from the parent
         added[:, range(3), range(3)] = self._variances[later]
-        is_loop, pairs = later - earlier > 1, loops @ (n, 1)
-        by_pair = np.argsort(pairs, kind="stable")
-        index = np.searchsorted(pairs[by_pair], (earlier * n + later)[is_loop])
-        added[is_loop] = noise[by_pair[index]]
+        is_loop = later - earlier > 1
+        added[is_loop] = noise[np.searchsorted(pairs, (earlier * n + later)[is_loop])]
         out = np.zeros((n, 3, 3))
         propagate(self.poses, order, parents, added, out)
         return out

@@ -94,6 +94,9 @@ def test_a_loop_lowers_the_covariance_of_the_poses_it_connects():
     alone = np.trace(ring(6, loops=0).uncertainty(later)[earlier][:2, :2])
     assert with_loop == pytest.approx(2e-3, rel=1e-6)
     assert alone > 5.0 * with_loop
+    graph.loops *= 50  # found again and again
+    again = np.trace(graph.uncertainty(later)[earlier][:2, :2])
+    assert again == pytest.approx(with_loop, rel=1e-6)
 
 
 LIDAR = laser(n_beams=361)
