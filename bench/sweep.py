@@ -209,7 +209,7 @@ def _do(cases: list[Case], store: Store, arguments: argparse.Namespace) -> dict[
     tasks = {case.task.key: case.task for case in todo}
     if not arguments.quiet:
         sys.stderr.write(
-            f"{arguments.program}: {len(cases)} climbs, {len(cases) - len(todo)} kept from before, "
+            f"{arguments.program}: {len(cases)} runs, {len(cases) - len(todo)} kept from before, "
             f"{len(tasks)} to do\n"
         )
     done = work.run_all(tasks, store, arguments.jobs)
