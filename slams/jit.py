@@ -43,6 +43,12 @@ def fingerprint(root: Path = SOURCE_ROOT) -> str:
     return digest.hexdigest()[:16]
 
 
+def _folder_in(given: Path) -> Path:
+    """The folder in NUMBA_CACHE_DIR, or that itself if the process that started this one set it."""
+    name = f"kernels-{fingerprint()}"
+    return given if given.name == name else given / name
+
+
 def _cache_folder() -> Path | None:
     """A writable folder beside this file, or in the temp directory; None if there is none."""
     name = f"kernels-{fingerprint()}"
@@ -73,9 +79,11 @@ def _private_temp_folder(name: str) -> Path | None:
     return folder if own else None
 
 
-if "NUMBA_CACHE_DIR" not in os.environ and (folder := _cache_folder()) is not None:
+given = os.environ.get("NUMBA_CACHE_DIR")
+folder = _folder_in(Path(given)) if given else _cache_folder()
+if folder is not None:
     os.environ["NUMBA_CACHE_DIR"] = str(folder)
-IS_CACHED = "NUMBA_CACHE_DIR" in os.environ
+IS_CACHED = folder is not None
 
 import numba  # noqa: E402  (the cache folder must be set first)
 from numba.core import event  # noqa: E402

@@ -104,9 +104,11 @@ print(np.array([slam.update(scan) for scan in drive(n=40, rate=10.0)]).tobytes()
 
 
 def test_kernels_just_compiled_give_the_bits_of_kernels_that_were_kept(tmp_path):
-    runs = [python("-c", POSES, NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(2)]
+    kept = tmp_path / f"kernels-{jit.fingerprint()}"
+    runs = [python("-c", POSES, NUMBA_CACHE_DIR=str(folder)) for folder in (tmp_path, kept)]
     assert runs[0].stdout, runs[0].stderr
     assert runs[0].stdout == runs[1].stdout
+    assert list(tmp_path.iterdir()) == [kept] and not list(kept.glob("kernels-*"))
 
 
 class Pair(NamedTuple):
