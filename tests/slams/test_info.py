@@ -43,7 +43,7 @@ def test_a_bag_is_shown_by_topics_frames_lasers_gaps_and_uses(kind, tmp_path, ca
     assert "frames: poses are of base_link" in lines
     assert "each scan: swept in 20 ms, which is deskewed" in lines
     assert "gaps of the scans: 1, the longest 1.10 s after 1.0 s" in lines
-    usable = "usable by: slams run, play, convert, compare with"
+    usable = "usable by: slams run, play, convert, compare (pose errors with --relations"
     assert any(line.startswith(usable) for line in lines)
     (rear,) = [line for line in lines if line.startswith("/rear cannot be used: ")]
     assert "laser's frame rear" in rear
