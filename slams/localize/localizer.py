@@ -12,6 +12,8 @@ from slams.localize.map_index import MapIndex, end_points
 from slams.params import Params
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, against_map
 
+# of a report; all other numbers are counts
+STATE_KEYS = {"particles", "tiles", "stamps_late_ms", "attitude_late_ms"}
 UNLIKE_INLIER_RATIO = 0.5  # of a scan; below it the world has changed or the pose is wrong
 
 
@@ -65,13 +67,11 @@ class Localizer:
     def report(self) -> dict[str, Any]:
         """The algorithm's counts in the map, mean of `explained`, number of unlike scans."""
         share = self._explained_sum / self._scans if self._scans else math.nan
-        counts = {
-            name: value - self._before.get(name, 0)
-            if isinstance(value, int) and not name.endswith("_ms")
-            else value
-            for name, value in self.slam.report().items()
-        }
-        return counts | {"explained": round(share, 4), "unlike": self._n_unlike}
+        report = dict(self.slam.report())
+        for name in report.keys() & self._before.keys() - STATE_KEYS:
+            if isinstance(report[name], int):
+                report[name] -= self._before[name]
+        return report | {"explained": round(share, 4), "unlike": self._n_unlike}
 
     @property
     def state(self) -> Any:

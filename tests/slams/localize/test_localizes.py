@@ -107,6 +107,7 @@ def test_a_virtual_drive_gives_an_algorithm_the_map_and_freezes_it(room):
 def test_poses_come_in_the_frame_of_the_map(room, log):
     fake, origin = Drifting(Params()), Pose2(-2.0, 1.0, 0.7)
     fake.used = 7  # scans of the drive that made the map
+    fake.report = lambda: {"odometry": fake.used, "tiles": 7}
     localizer = Localizer(fake, room, START, origin)
     poses = [localizer.update(scan) for scan in log]
     ((scan, place),) = fake.places
@@ -115,7 +116,7 @@ def test_poses_come_in_the_frame_of_the_map(room, log):
     assert np.abs(np.array(poses)[:, :2] - truth()[:, :2]).max() < 0.1  # wheels drift
     assert localizer.map() is room.grid
     report = localizer.report()
-    assert report["odometry"] == len(log) - 1
+    assert report["odometry"] == len(log) - 1 and report["tiles"] == 7
     assert report["explained"] > 0.9 and report["unlike"] == 0
     assert localizer.explained > 0.9 and math.isnan(localizer.quality)
     assert np.isinf(np.diag(localizer.covariance)).all()
