@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 
 from slams import cli
 from slams.live.network import add_network_options, transport_of
-from slams.live.options import topic_names
+from slams.live.options import NodeOptions, topic_names
 from slams.validation import expect
 
 if TYPE_CHECKING:
+    from slams.live.robot import DueMessage
     from slams.live.transport import Transport
     from slams.scanlog import ScanLog
 
@@ -70,6 +71,12 @@ def _log(arguments: argparse.Namespace) -> ScanLog:
     return log.select(arguments.limit, 1, not arguments.no_odometry)
 
 
+def until_last_scan(schedule: list[DueMessage]) -> list[DueMessage]:
+    """The messages up to the last scan, and those after it that a node may wait for."""
+    end = max(due.t for due in schedule if due.topic == "/scan") + NodeOptions.wait
+    return [due for due in schedule if due.t <= end]
+
+
 def _play(
     log: ScanLog, transport: Transport, arguments: argparse.Namespace, stop: threading.Event
 ) -> int:
@@ -82,8 +89,9 @@ def _play(
         cli.show_notes(arguments, ["no subscriber to the scans yet; they are published anyway"])
     gc.collect()
     gc.freeze()  # garbage collection over all scans would delay messages
+    schedule = robot.schedule if arguments.limit is None else until_last_scan(robot.schedule)
     sent, start = 0, time.monotonic()
-    for due in cli.progress(robot.schedule, len(robot.schedule), "playing", arguments.quiet, ""):
+    for due in cli.progress(schedule, len(schedule), "playing", arguments.quiet, ""):
         if stop.wait(start + due.t / arguments.rate - time.monotonic()):
             break
         robot.send(due)

@@ -84,7 +84,8 @@ compare --algorithms tsd --seed hector:1 | of one that is compared: tsd
 compare --algorithms tsd --set cel=1 | got 'cel=1', expected a parameter of tsd; did you mean 'cell'
 compare --algorithms tsd --set tsd:cell=-1 | parameter 'cell': got -1
 compare --algorithms tsd --params tsd: | got 'tsd:', expected ALGORITHM:FILE
-compare room.npz --trajectory x | expected NAME=FILE
+compare room.npz --trajectory x | expected NAME=WHAT
+compare room.npz --map x | expected NAME=FILE
 compare room.npz --trajectory x=none.tum | none.tum
 compare room.npz --trajectory kiss=good.tum | the name of an existing row
 compare room.npz --trajectory x=good.tum --trajectory x=good.tum | twice

@@ -34,6 +34,8 @@ def shown(capsys, *arguments):
 
 def test_later_in_the_list_wins(capsys, tmp_path, ros):
     (tmp_path / "p.yaml").write_text("levels: 4\nmax_range: 9.0\n")
+    assert command("hector", "--sensor", "lds02", "--show-params") == 0
+    assert capsys.readouterr().err == "note: --sensor lds02 sets nothing for hector\n"
     sensor = ["hector@original", "--sensor", "lds02"]
     assert shown(capsys, "hector@original")["start"] == "last"
     values = shown(capsys, *sensor)

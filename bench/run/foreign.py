@@ -51,7 +51,7 @@ def read_foreign(
             trajectory or map.
         OSError: a file cannot be opened.
     """
-    tracks, grids = _named("--trajectory", trajectories), _named("--map", maps)
+    tracks, grids = _named("--trajectory", trajectories, "WHAT"), _named("--map", maps, "FILE")
     for name in tracks:
         if name in taken:
             raise ValueError(f"--trajectory: got {name!r}, the name of an existing row")
@@ -100,10 +100,10 @@ def foreign_case(foreign: Foreign, log: ScanLog, relations: Floats | None = None
     return Outcome(row, t, poses_at_first, grid=foreign.grid, common=common, frame=frame)
 
 
-def _named(option: str, texts: Sequence[str]) -> dict[str, str]:
+def _named(option: str, texts: Sequence[str], value: str) -> dict[str, str]:
     found: dict[str, str] = {}
     for text in texts:
-        name, what = named(option, text, "NAME=FILE (a trajectory: or a topic or tf frame)")
+        name, what = named(option, text, f"NAME={value}")
         if name in found:
             raise ValueError(f"{option}: got the name {name!r} twice, expected different ones")
         found[name] = what

@@ -89,7 +89,7 @@ class Robot:
             self._send("/tf", make.transforms(stamp, [(ODOM_FRAME, self._base, Pose2(*value))]))
 
     def _schedule_of(self) -> list[DueMessage]:
-        """The messages up to the last scan by time; odometry comes before a scan of one time.
+        """All messages by time; odometry comes before a scan of the same time.
 
         A scan is due when its last beam is measured. Where stamps jump back, the log's order holds.
         """
@@ -101,8 +101,7 @@ class Robot:
             for row, t in enumerate(np.maximum.accumulate(all_t))
         ]
         due.sort(key=lambda one: one.t)
-        end = float(stamps["/scan"].max()) + DELIVERY_TIME
-        return [one._replace(t=one.t - due[0].t) for one in due if one.t <= end]
+        return [one._replace(t=one.t - due[0].t) for one in due]
 
     def _stamp(self, t: float) -> int:
         return max(0, round(1e9 * (t - self._zero)))

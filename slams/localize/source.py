@@ -101,7 +101,8 @@ def start_at(index: MapIndex, log: Iterable[Scan], pose: Pose2) -> Start:
     scan = next(iter(log))
     match = index.match(scan, [pose])[0]
     if match.inliers == 0.0 and has_enough(scan):
-        raise ValueError(f"no beam of the first scan ends at a wall of the map near {pose}")
+        at = f"{pose.x:g}, {pose.y:g} m"
+        raise ValueError(f"start: no beam of the first scan ends at a wall of the map near {at}")
     return Start(0, match.pose, f"starts at {match}")
 
 

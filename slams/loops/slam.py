@@ -286,7 +286,6 @@ def looped(algorithm: type[Any]) -> type[Looped]:
     return cls
 
 
-def _params_of(algorithm: type[Any], values: dict[str, Any]) -> Any:
+def _params_of(algorithm: Any, values: dict[str, Any]) -> Params:
     """Parameters of an algorithm with loops, unpickled in a process that has no such class yet."""
-    make: Any = looped
-    return make(algorithm).Params(**values)
+    return looped(algorithm).Params(**values)

@@ -176,7 +176,7 @@ def resume(path: str | Path, entry: Entry, params: Params) -> State:
     return state
 
 
-def check_params(path: object, slam: Slam, entry: Entry, params: Params) -> None:
+def check_params(path: str | Path, slam: Slam, entry: Entry, params: Params) -> None:
     """Refuse parameters, also of a preset, that a saved algorithm does not have: ValueError."""
     saved: Params = getattr(slam, "params", params)
     is_default = entry.preset == "default" and params == entry.params()

@@ -8,6 +8,7 @@ import pytest
 
 import slams
 from slams import LiveSlam, Pose2
+from slams.scanlog import ScanLog, TimeSeries
 from tests.rooms import drive, fields_of, push_fields, rewritten, scan_at
 
 LIVE = "hector"
@@ -42,6 +43,12 @@ def test_a_truth_from_another_file_is_looked_at_too(tmp_path):
     (tmp_path / "truth.tum").write_text("0 0 0 0 0 0 0 1\n1 1e300 0 0 0 0 0 1\n")
     with pytest.raises(ValueError, match=r"truth: got values as great as 1e[+]300"):
         slams.load(path, truth=str(tmp_path / "truth.tum"))
+
+
+def test_a_log_made_in_python_is_looked_at_too():
+    log = drive(n=3)
+    with pytest.raises(ValueError, match="odom: got values as great as"):
+        ScanLog(log.t, log.ranges, log.laser, TimeSeries(log.t, np.full((3, 3), 1e8)))
 
 
 @pytest.fixture
@@ -92,6 +99,12 @@ def test_odometry_that_cannot_be_is_none(wrong, live):
     estimate = push(live, 0.2, 0.1, odometry=(0.1, 0.0, wrong))
     assert estimate.map_to_odom is None
     assert estimate.pose.x == pytest.approx(0.1, abs=0.02)
+
+
+def test_a_gyro_that_cannot_be_is_not_believed(live):
+    for k, yaw in enumerate((0.0, 1e300, -1e300, math.inf, 0.0)):
+        estimate = push(live, 0.1 + 0.1 * k, yaw=yaw)
+    assert abs(estimate.pose.theta) < 0.01
 
 
 def test_a_scan_made_in_python_passes_the_same_door(live):

@@ -9,9 +9,10 @@ import pytest
 import slams
 from slams.live import series
 from slams.live.estimate import MAX_CONSECUTIVE_LATE
-from slams.live.options import topic_names
+from slams.live.options import NodeOptions, topic_names
 from slams.live.robot import Robot
 from slams.live.series import IntegralSeries, PoseSeries, Series
+from slams.play import until_last_scan
 from slams.ros.messages import seconds
 from slams.time_series import MAX_ATTITUDE_GAP, TimeSeries
 from slams.types import Pose2, wrap_angle
@@ -130,3 +131,10 @@ def test_somebody_is_waited_for(sweeping):
     robot._publishers["/scan"].subscribers = 1
     ending.set()
     assert robot.await_subscriber(0.1, ending) is True
+
+
+def test_the_first_scans_of_a_log_are_sent_with_their_odometry_alone():
+    robot = Robot(drive(n=20, rate=10.0).select(2), Bus().transport(), topic_names())
+    kept = until_last_scan(robot.schedule)
+    assert [due.topic for due in kept].count("/scan") == 2 and robot.schedule[-1].t > 1.8
+    assert kept[-1].t == pytest.approx(0.1 + NodeOptions.wait)
