@@ -86,6 +86,17 @@ def test_an_output_that_is_a_file_is_refused_at_once(out, log_file, tmp_path, ca
     assert len(list(tmp_path.iterdir())) == 1
 
 
+@pytest.mark.parametrize("option", ["--out", "--save-state"])
+def test_a_folder_that_cannot_be_written_is_refused_at_once(option, log_file, monkeypatch, capsys):
+    monkeypatch.setattr("slams.player.warm_up", lambda *_: pytest.fail("the run began"))
+    kept = log_file.parent / "kept"
+    kept.mkdir(exist_ok=True)
+    monkeypatch.setattr("os.access", lambda path, mode: path != kept)  # root may write anywhere
+    assert slams_run.main(["odometry", str(log_file), option, str(kept / "new")]) == 2
+    said = f"slams run: {kept}: permission denied; expected a folder that can be written\n"
+    assert capsys.readouterr().err == said
+
+
 def test_odd_scans_survive_and_are_counted(log_file, tmp_path, capsys):
     log = load_npz(log_file)
     t, ranges = log.t.copy(), log.ranges.copy()

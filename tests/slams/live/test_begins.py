@@ -215,6 +215,24 @@ def test_a_node_refuses_as_a_run_does(arguments, sentence, folder, monkeypatch, 
         assert sentence in error and error.count("\n") == 1
 
 
+def test_each_drive_of_a_robot_has_a_folder_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def claimed(*words):
+        return command._folder("hector", command.parser().parse_args(["hector", *words]))
+
+    first = claimed()
+    first.mkdir(parents=True)
+    (first / "map.png").touch()
+    assert (first.name, claimed().name, claimed("--force")) == (
+        "live-hector",
+        "live-hector-2",
+        first,
+    )
+    with pytest.raises(FileExistsError, match="results/live-hector: exists; --force"):
+        claimed("--out", str(first))
+
+
 def test_states_and_maps_over_the_network(folder, tmp_path):
     pytest.importorskip("cyclonedds", reason="needs the extra live")
     log, state = placed_log(), tmp_path / "room.state"
