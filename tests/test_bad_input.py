@@ -59,6 +59,7 @@ check hecter | did you mean 'hector'
 check slams.baselines:None_ | algorithm 'slams.baselines:None_'
 compare none.npz | none.npz: no such file
 run hector room.npz --save-state '' | --save-state: got an empty value
+run hector room.npz --save-state= | --save-state: got an empty value
 run hector room.npz --save-state ./room.npz --force | room.npz, the log itself
 run hector room.npz ./room.npz | a file twice
 run hector@paper room.npz --resume-state hector.state | saved with estimator filter, got plain
