@@ -58,7 +58,8 @@ class PoseEstimator:
         self._filter = MotionFilter(params)
         self._pose = self._filter.pose
         self._prior = self._filter.prediction()
-        self._mean_score = 1.0  # moving average of the match score
+        # moving average of the match score; before the first match 1, so that it is searched for
+        self._mean_score, self._has_matched = 1.0, False
         self._unmatched_time = 0.0  # s since the last match
         self._has_odometry = True  # whether wheels measured the motion since then
         self._new_ground_time = 0.0  # s, integral since then of the share in new ground
@@ -170,7 +171,8 @@ class PoseEstimator:
 
         Along a degenerate direction only the motion since the last scan is accepted.
         """
-        if best.seconds > MAX_SCAN_DELAY or not self._is_typical(best):
+        is_untypical = self._has_matched and not self._is_typical(best)
+        if best.seconds > MAX_SCAN_DELAY or is_untypical:
             return False
         return best.seconds <= self._prior.dt or self._observability(points, best.match).share > 0.0
 
@@ -208,7 +210,8 @@ class PoseEstimator:
         else:
             self._tentative_time -= self._prior.dt * match_score / self._mean_score
         if self._tentative_time <= 0.0:
-            share = min(1.0, self._prior.dt / SCORE_AVERAGING_TIME)
+            share = min(1.0, self._prior.dt / SCORE_AVERAGING_TIME) if self._has_matched else 1.0
+            self._has_matched = True
             self._mean_score += share * (match_score - self._mean_score)
         self._lost = False
         self.quality = max(match_score, 0.0)

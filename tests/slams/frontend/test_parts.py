@@ -280,6 +280,17 @@ def test_along_a_bare_corridor_a_match_beyond_the_gate_is_of_this_interval(off, 
         assert found.state == (state if walls is CORRIDOR else "matched")
 
 
+@pytest.mark.parametrize(
+    ("before", "share", "state"),
+    [(0, 0.7, "matched"), (1, 0.7, "matched"), (1, 0.6, "predicted")],
+)
+def test_a_robot_may_start_fast_into_new_ground(before, share, state):
+    """Its first scans match by less than all, as they are partly in new ground."""
+    robot = Standing(0)
+    robot.take(before, 0.75, 0.0)
+    assert robot.take(1, share, 0.0, Pose2(0.3, 0.0, 0.0)).state == state
+
+
 def test_wheels_in_conflict_with_the_map_give_way_to_matches_of_most_points():
     robot, at = Standing(19), Pose2(0.05, 0.0, 0.0)
     robot.predicted = 0.0, 0.4
