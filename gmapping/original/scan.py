@@ -19,7 +19,7 @@ def end_points(scan: Scan, offset: float, max_range: float) -> tuple[Floats, flo
     angles = laser.angles + offset * abs(laser.angle_increment)
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     min_range = math.nextafter(laser.range_min, -math.inf)  # the program also uses range_min itself
-    limits = kernels.Limits(min_range, min(laser.range_max, max_range))
+    limits = min_range, min(laser.range_max, max_range)
     out = np.empty((3, laser.n_beams))
     n, radius = kernels.end_points(scan.ranges, directions, laser.mount, limits, out)
     return np.ascontiguousarray(out[:2, :n].T), radius

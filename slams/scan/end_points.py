@@ -12,7 +12,7 @@ from slams.scan import scan_kernels as kernels
 from slams.scan.leveling import Leveling
 from slams.scan.moving_average import MovingAverage
 from slams.scan.params import ScanParams
-from slams.scan.scan_kernels import Limits, Points, ScanResolution, Twist
+from slams.scan.scan_kernels import Points, ScanResolution
 from slams.types import IDENTITY, Laser, Pose2, Scan
 
 MAX_CHORD = 0.1  # m between two neighbors of a beam: a wall between them is straight
@@ -80,8 +80,8 @@ class EndPoints:
         )
         if self.has_sweep:
             self._velocity = velocity
-            twist = Twist(*velocity, laser.time_increment, 0.5 * (laser.n_beams - 1))
-            kernels.deskew(self.points, self.n, twist)
+            middle = 0.5 * (laser.n_beams - 1)
+            kernels.deskew(self.points, self.n, velocity, laser.time_increment, middle)
         return self
 
     def at_stamp(self, pose: Pose2) -> Pose2:
@@ -165,8 +165,7 @@ class EndPoints:
         self._noise = self._noises.setdefault(laser.mount, noise)
         self._directions = laser.directions
         self.has_sweep = self.params.deskew and laser.time_increment > 0.0
-        near = max(self.params.min_range, laser.range_min)
-        self._limits = Limits(near, self.params.max_range)
+        self._limits = max(self.params.min_range, laser.range_min), self.params.max_range
         if n_beams > self.points.shape[1]:
             self._size(n_beams)
 

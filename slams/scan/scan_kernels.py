@@ -18,13 +18,6 @@ N_NEIGHBORS, MIN_CLOSE_NEIGHBORS = 4, 2  # end points to either side; close ones
 MIN_OBJECT_WIDTH = 0.15  # m of an object that the isolated-point filter has to leave
 
 
-class Limits(NamedTuple):
-    """Least and greatest range [m] of a beam that is used, both exclusive."""
-
-    near: float
-    far: float
-
-
 class ScanResolution(NamedTuple):
     """Noise of the ranges, half window of a normal, least gap between two surfaces, all [m]."""
 
@@ -33,32 +26,20 @@ class ScanResolution(NamedTuple):
     gap_threshold: float
 
 
-class Twist(NamedTuple):
-    """Motion of the base during a sweep: vx, vy [m/s], yaw rate [rad/s], time per beam [s].
-
-    `reference` is the number of the beam whose time the deskewed end points have.
-    """
-
-    vx: float
-    vy: float
-    yaw_rate: float
-    time_increment: float
-    reference: float
-
-
 @njit
 def end_points(
-    ranges: Ranges, directions: Floats, mount: Pose2, limits: Limits, out: Points
+    ranges: Ranges, directions: Floats, mount: Pose2, limits: tuple[float, float], out: Points
 ) -> tuple[int, float]:
     """End points out (3, b) of ranges (b,) [m] in the base frame; their number, the farthest [m].
 
     [Kohlbrecher11] sec. IV-A. directions (b, 2) in the laser frame; out: x, y [m], beam's number.
+    Ranges that are used are between the `limits` [m].
     """
     c, s = math.cos(mount.theta), math.sin(mount.theta)
     n, far = 0, 0.0
     for i in range(ranges.shape[0]):
         r = ranges[i]
-        if not (limits.near < r < limits.far):
+        if not (limits[0] < r < limits[1]):
             continue
         x, y = r * directions[i, 0], r * directions[i, 1]
         x, y = mount.x + c * x - s * y, mount.y + s * x + c * y
@@ -72,18 +53,19 @@ def end_points(
 
 
 @njit
-def deskew(points: Points, n: int, twist: Twist) -> None:
+def deskew(points: Points, n: int, twist: Pose2, time_increment: float, reference: float) -> None:
     """Move end points to the base frame at the time of the beam `reference`, in place.
 
     ours: the original ignores that the robot moves during a sweep. points (3, >= n) of
-    `end_points`. The base moves on an arc, whose chord is rotated by half the arc's angle.
+    `end_points`; `twist` of the base [m/s, rad/s], `time_increment` [s] from beam to beam. The base
+    moves on an arc, whose chord is rotated by half the arc's angle.
     """
     for i in range(n):
-        t = (points[2, i] - twist.reference) * twist.time_increment
-        angle = twist.yaw_rate * t
+        t = (points[2, i] - reference) * time_increment
+        angle = twist.theta * t
         c, s = math.cos(angle), math.sin(angle)
         ch, sh = math.cos(0.5 * angle), math.sin(0.5 * angle)
-        x, y, vx, vy = points[0, i], points[1, i], twist.vx * t, twist.vy * t
+        x, y, vx, vy = points[0, i], points[1, i], twist.x * t, twist.y * t
         points[0, i] = c * x - s * y + ch * vx - sh * vy
         points[1, i] = s * x + c * y + sh * vx + ch * vy
 

@@ -43,13 +43,12 @@ def test_end_points_and_sweeps_of_the_original_are_those_of_the_default():
     ranges = np.array([1.0, np.nan, np.inf, 0.3, 2.0], np.float32)
     ours, theirs = np.zeros((2, 3, 5))
     beams = ranges, lidar.directions, lidar.mount
-    assert scan_kernels.end_points(*beams, scan_kernels.Limits(0.4, 30.0), ours)[0] == 2
+    assert scan_kernels.end_points(*beams, (0.4, 30.0), ours)[0] == 2
     assert original_scan.end_points(*beams, original_scan.Limits(0.4, 30.0, 0.0), theirs) == 2
     np.testing.assert_array_equal(theirs, ours)
     assert ours[:, 0] == pytest.approx([1.2, 0.1, 0.0])  # beam at -90 deg, turned by the mount
-    moves = 0.8, 0.1, 1.2, 0.01
-    scan_kernels.deskew(ours, 2, scan_kernels.Twist(*moves, 0.0))
-    original_scan.deskew(theirs, 2, original_scan.Twist(*moves))
+    scan_kernels.deskew(ours, 2, Pose2(0.8, 0.1, 1.2), 0.01, 0.0)
+    original_scan.deskew(theirs, 2, original_scan.Twist(0.8, 0.1, 1.2, 0.01))
     np.testing.assert_array_equal(theirs, ours)
 
 

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 
 from slams.scan.end_points import MIN_GAP_THRESHOLD
-from slams.scan.scan_kernels import Limits, end_points, scan_moments
+from slams.scan.scan_kernels import end_points, scan_moments
 from slams.types import IDENTITY
 from tests.rooms import box, drive, driven, made
 from tsd import TsdParams
@@ -40,7 +40,7 @@ def scanned(n=10, **changes):
 def read(ranges, lidar):
     """End points (3, n) and moments (6, n + 1) of a standing laser."""
     points, moments = np.zeros((3, lidar.n_beams)), np.zeros((6, lidar.n_beams + 1))
-    count, _ = end_points(ranges, lidar.directions, IDENTITY, Limits(0.1, 30.0), points)
+    count, _ = end_points(ranges, lidar.directions, IDENTITY, (0.1, 30.0), points)
     scan_moments(points, count, IDENTITY, lidar.angle_increment, MIN_GAP_THRESHOLD, moments)
     return Beams(0.0, 0.0, lidar.angle_increment), points, count, moments
 

@@ -57,8 +57,7 @@ def test_one_beam_beside_is_no_company_as_smoke_has_some():
 def test_ranges_count_between_both_limits_and_carry_the_number_of_their_beam():
     lidar = Laser(0.0, 0.1, 5, 0.1, 30.0, Pose2(1.0, 2.0, 0.5 * math.pi))
     ranges, out = np.array([0.4, 0.6, np.nan, 4.9, 5.1], np.float32), np.zeros((3, 5))
-    limits = scan_kernels.Limits(0.5, 5.0)
-    n, far = scan_kernels.end_points(ranges, lidar.directions, lidar.mount, limits, out)
+    n, far = scan_kernels.end_points(ranges, lidar.directions, lidar.mount, (0.5, 5.0), out)
     assert (n, out[2, :2].tolist()) == (2, [1.0, 3.0])
     expected = lidar.mount.transform((ranges[:, None] * lidar.directions)[[1, 3]].astype(float))
     assert pytest.approx(expected, rel=1e-6) == out[:2, :2].T
@@ -68,7 +67,7 @@ def test_ranges_count_between_both_limits_and_carry_the_number_of_their_beam():
 def test_a_point_is_brought_along_the_arc_to_the_middle_of_the_sweep():
     points = points_of((2.0, 0.0), (2.0, 1.0), (2.0, 2.0))
     before = points.copy()
-    scan_kernels.deskew(points, 3, scan_kernels.Twist(1.0, 0.2, 0.8, 0.05, 1.0))
+    scan_kernels.deskew(points, 3, Pose2(1.0, 0.2, 0.8), 0.05, 1.0)
     for k in range(3):
         t = 0.05 * (k - 1)
         half = Pose2(0.0, 0.0, 0.5 * 0.8 * t)
