@@ -56,7 +56,7 @@ class PoseEstimator:
         self.counts = dict.fromkeys([*names.split(), "stamps_late_ms"], 0)
         self._p = params
         self._filter = MotionFilter(params)
-        self._pose = self._filter.pose
+        self.pose = self._filter.pose  # of the base in the map, after the last call
         self._prior = self._filter.prediction()
         # moving average of the match score; before the first match 1, so that it is searched for
         self._mean_score, self._has_matched = 1.0, False
@@ -67,12 +67,7 @@ class PoseEstimator:
         self._lost = False
         self._relocalizer = Relocalizer()
         self._new_share = 0.0  # of the last scan's beams in new ground; unmatched: less conflicts
-        self._map_drift, self._drift_pose = np.zeros((3, 3)), self._pose  # of the map at that pose
-
-    @property
-    def pose(self) -> Pose2:
-        """The base in the map after the last call."""
-        return self._pose
+        self._map_drift, self._drift_pose = np.zeros((3, 3)), self.pose  # of the map at that pose
 
     @property
     def local_covariance(self) -> Floats:
@@ -93,19 +88,19 @@ class PoseEstimator:
         """
         noise, share = self._filter.covariance, self._new_share
         self._map_drift = noise.copy() if settling else self._local_drift() + share**2 * noise
-        self._drift_pose = self._pose
+        self._drift_pose = self.pose
 
     def _local_drift(self) -> Floats:
         """Drift (3, 3) of the map at the pose; its heading error acts over the distance driven."""
         origin, lever = self._drift_pose, np.eye(3)
-        lever[0, 2], lever[1, 2] = origin.y - self._pose.y, self._pose.x - origin.x
+        lever[0, 2], lever[1, 2] = origin.y - self.pose.y, self.pose.x - origin.x
         return np.asarray(lever @ self._map_drift @ lever.T)
 
     def predict(self, scan: Scan) -> Prediction:
         """Predict the pose at `scan` by wheels, gyro and twist."""
         self._scan = scan
         self._prior = self._filter.predict(scan)
-        self._pose = self._prior.pose
+        self.pose = self._prior.pose
         self.counts["odometry"] += self._filter.wheels
         self.counts["gyro"] += self._filter.gyro
         self.counts["stamps_late_ms"] = round(1e3 * self._filter.delay)
@@ -119,12 +114,12 @@ class PoseEstimator:
         """Take a pose that is given with its scan."""
         self._filter.predict(scan)
         self._filter.set_pose(pose, np.diag(MIN_MATCH_STD**2))
-        self._pose = pose
+        self.pose = pose
 
     def correct(self, pose: Pose2) -> None:
         """Take a pose in a map that has changed; the motion stays."""
         self._filter.shift(pose)
-        self._pose = pose
+        self.pose = pose
 
     def decide(
         self, points: EndPoints, matches: Sequence[Match], grid: MatchedMap, rematch: Rematch
@@ -202,26 +197,25 @@ class PoseEstimator:
         self.match, self._new_share = match, 1.0 - best.inliers - best.conflicts
         self.counts["in_conflict"] += best.conflicts > MAX_NOISE_CONFLICTS
         observed = self._observability(points, match)
-        self._pose = self._filter.update(match.pose, match.information, observed)
+        self.pose = self._filter.update(match.pose, match.information, observed)
         if self._is_typical(best):
             self._tentative_time = 0.0
         elif self._tentative_time <= 0.0 and (self._lost or self._prediction_rejected):
             self._tentative_time = CONFIRMATION_TIME
         else:
             self._tentative_time -= self._prior.dt * match_score / self._mean_score
-        if self._tentative_time <= 0.0:
+        self.may_map = self._tentative_time <= 0.0
+        if self.may_map:
             share = min(1.0, self._prior.dt / SCORE_AVERAGING_TIME) if self._has_matched else 1.0
-            self._has_matched = True
             self._mean_score += share * (match_score - self._mean_score)
+            self._has_matched = self._has_odometry = True
+            self._unmatched_time = self._new_ground_time = 0.0
+            self._relocalizer.reset()
         self._lost = False
         self.quality = max(match_score, 0.0)
-        self.may_map = self._tentative_time <= 0.0
-        is_held = self.may_map or self._has_odometry
-        self._set_state(self.may_map, lost=not (is_held and self._has_low_variance()))
-        if self.may_map:
-            self._unmatched_time, self._has_odometry, self._new_ground_time = 0.0, True, 0.0
-            self._relocalizer.reset()
-        else:  # a tentative match may be at a wrong place
+        is_held = self._has_odometry and self._has_low_variance()
+        self._set_state(self.may_map, lost=not is_held)
+        if not self.may_map:  # a tentative match may be at a wrong place
             self._unmatched_time += self._prior.dt
             self._relocalize(grid)
         return self.pose
@@ -270,7 +264,7 @@ class PoseEstimator:
         if found is None or (is_held and self._prior.mahalanobis_squared(found) > MATCH_GATE):
             return
         self._filter.set_pose(found, RELOCALIZED_COVARIANCE)
-        self._pose = found
+        self.pose = found
         self.counts["relocalized"] += 1
         self._tentative_time, self._unmatched_time, self._lost = 0.0, 0.0, False
 
