@@ -154,9 +154,8 @@ class MotionFilter:
         `pose` is the scan fused with the prior, `information` (3, 3) that of the scan alone.
         """
         p, dt = self._p, self._dt
-        with_densities, with_factors = p.learn_acceleration, p.learn_odometry
-        density_rate = min(dt / DENSITY_LEARNING_TIME, MAX_DENSITY_RATE) if with_densities else 0.0
-        factor_rate = min(dt / FACTOR_LEARNING_TIME, MAX_FACTOR_RATE) if with_factors else 0.0
+        density_rate = p.learn_acceleration * min(dt / DENSITY_LEARNING_TIME, MAX_DENSITY_RATE)
+        factor_rate = p.learn_odometry * min(dt / FACTOR_LEARNING_TIME, MAX_FACTOR_RATE)
         how = tuple(observed), (dt, density_rate, factor_rate)
         self._map_noise = information.copy()
         match, learning = (tuple(pose), self._map_noise), (self._learned, self._default_density)
@@ -177,12 +176,11 @@ class MotionFilter:
 
     def set_pose(self, pose: Pose2, covariance: Floats) -> None:
         """Restart at a pose, at rest; the calibration of wheels and gyro stays."""
-        P = self._P
-        P[:3, :] = P[:, :3] = 0.0
+        self.shift(pose)
+        P, self._z[TWIST:SCALE] = self._P, 0.0
         P[TWIST:SCALE, :] = P[:, TWIST:SCALE] = 0.0
-        self._z[:3], self._z[TWIST:SCALE] = pose, 0.0
-        P[:3, :3] = covariance
         P[TWIST:SCALE, TWIST:SCALE] = np.diag(TWIST_STD**2)
+        P[:3, :3] = covariance
 
     def _read_wheels(self, wheels: WheelStep, dt: float) -> None:
         """Readings of an increment; one over several scans gives the mean speed of the last."""

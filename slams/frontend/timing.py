@@ -105,13 +105,10 @@ class LaserTimings:
 
     def elapsed(self, t: float, mount: Pose2) -> float:
         """Seconds since the last scan of any laser, for a scan stamped `t`; 0 for the first."""
-        before, self._last = self._last, self._timings.get(mount)
-        if self._last is None:
-            if len(self._timings) == MAX_LASERS:
-                self._timings.clear()
-            self._last = self._timings[mount] = ScanTiming(self._smooth)
-        time = before.time if before else math.nan
-        elapsed = self._last.elapsed(t)
-        if before is None or before is self._last:
+        if len(self._timings) == MAX_LASERS and mount not in self._timings:
+            self._timings.clear()
+        before, now = self._last, self._timings.setdefault(mount, ScanTiming(self._smooth))
+        elapsed, self._last = now.elapsed(t), now
+        if before is None or before is now:
             return elapsed
-        return min(max(self._last.time - time, MIN_LASER_OFFSET), MAX_STAMP_INTERVAL)
+        return min(max(now.time - before.time, MIN_LASER_OFFSET), MAX_STAMP_INTERVAL)
