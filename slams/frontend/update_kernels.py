@@ -124,17 +124,13 @@ def decouple(z: Floats, P: Floats, direction: Floats, share: float) -> None:
             if A[i, j] != 0.0:
                 for k in range(N):
                     AP[i, k] += A[i, j] * P[j, k]
-    APA = np.zeros((N, N))
-    for j in range(N):
-        for k in range(N):
-            if A[j, k] != 0.0:
-                for i in range(N):
-                    APA[i, k] += AP[i, j] * A[j, k]
     # A P A + B P B = P - A P - P A + 2 A P A
     for i in range(N):
         for k in range(N):
-            split = 2.0 * APA[i, k] - AP[i, k] - AP[k, i]
-            P[i, k] += (1.0 - share) * split
+            APA = 0.0
+            for j in range(N):
+                APA += AP[i, j] * A[j, k]
+            P[i, k] += (1.0 - share) * (2.0 * APA - AP[i, k] - AP[k, i])
 
 
 @njit(inner=True)
@@ -191,7 +187,7 @@ def learn_density(
     """
     for i in range(3):
         removed = variance[i] - P[TWIST + i, TWIST + i]
-        if removed < MIN_VARIANCE_REDUCTION * variance[i] or removed <= 0.0:
+        if removed < MIN_VARIANCE_REDUCTION * variance[i]:
             continue
         excess = min(change[i] * change[i] / removed - 1.0, MAX_LEARNED_NIS)
         learned = max(density[i] * math.exp(share * excess), default[i] / MAX_DENSITY_RATIO)
@@ -254,7 +250,7 @@ def update(
         decouple(z, P, direction, share)
         remap(z, P, pose, information, direction, share, prior)
     d, step, change, state = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    variance, posterior = np.empty(3), np.empty((3, 3))
+    variance = np.empty(3)
     for i in range(3):
         change[i], variance[i] = z[TWIST + i], P[TWIST + i, TWIST + i]
     midpoint_step(last_pose, pose, step)
@@ -269,7 +265,7 @@ def update(
         scale_rows(P, POSE, SCALE, math.sqrt(factor))
     # 1e-2 /m^2, /rad^2 make the information of a degenerate match invertible
     limited = inverse3(inverse3(information + 1e-2 * np.eye(3)) + np.diag(floor))
-    posterior[:, :] = inverse3(limited + inverse3(P[:3, :3]))
+    posterior = inverse3(limited + inverse3(P[:3, :3]))
     sandwich(posterior, limited, information)
     information *= MAP_NOISE_SHARE
     pose_at_stamp(z, P, pose, floor, state)

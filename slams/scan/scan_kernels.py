@@ -158,14 +158,14 @@ def remove_isolated(
         if near < MIN_CLOSE_NEIGHBORS:
             scratch[0, isolated] = i
             isolated += 1
-    kept = int(scratch[0, 0]) if isolated > 0 else n
-    for k in range(isolated):
-        first, end = int(scratch[0, k]) + 1, int(scratch[0, k + 1]) if k + 1 < isolated else n
-        for i in range(first, end):
-            for row in range(3):
-                points[row, kept] = points[row, i]
-            kept += 1
-    return kept
+    removed = 0
+    for i in range(n):
+        if removed < isolated and scratch[0, removed] == i:
+            removed += 1
+            continue
+        for row in range(3):
+            points[row, i - removed] = points[row, i]
+    return n - removed
 
 
 @njit
@@ -180,14 +180,13 @@ def scan_moments(
     for k in range(6):
         out[k, 0] = 0.0
     first = 0
-    sx = sy = sxx = sxy = syy = 0.0
     for i in range(n):
         x, y = points[0, i], points[1, i]
         if i > 0 and jumps(points, i, mount, step, gap_threshold):
             first = i
-        sx, sy, sxx, sxy, syy = sx + x, sy + y, sxx + x * x, sxy + x * y, syy + y * y
-        k = i + 1
-        out[0, k], out[1, k], out[2, k], out[3, k], out[4, k] = sx, sy, sxx, sxy, syy
+        terms = (x, y, x * x, x * y, y * y)
+        for k in range(5):
+            out[k, i + 1] = out[k, i] + terms[k]
         out[5, i] = first
     out[5, n] = n
 
@@ -238,9 +237,8 @@ def scan_normals(
     complete. points (2, >= n), moments of `scan_moments`, out (3, >= n): normal, mean gap [m].
     """
     window, variance = resolution.window, resolution.noise * resolution.noise
-    last, shares = n - 1, 0
     for i in range(n - 1, -1, -1):
-        if i + 1 < n and moments[5, i] != moments[5, i + 1]:
+        if moments[5, i] != moments[5, i + 1]:
             last, shares = i, 0
         if shares > 0:
             out[0, i], out[1, i], out[2, i] = out[0, i + 1], out[1, i + 1], out[2, i + 1]
