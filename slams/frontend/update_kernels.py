@@ -149,8 +149,7 @@ def remap(
     the scan-only estimate x. It is fused again with the `information` (3, 3) of the scan, of which
     only `share` remains along `direction` (2,). `pose` and `information` change in place.
     """
-    C, d = P[:3, :3] + np.diag(prior), np.empty(3)
-    W = inverse3(C)
+    W, d = inverse3(P[:3, :3] + np.diag(prior)), np.empty(3)
     offset_from(z, pose, d)
     w = (STUDENT_DOF + 3.0) / (STUDENT_DOF + mahalanobis_squared(W, Pose2(d[0], d[1], d[2])))
     pull, x, weighted = np.zeros(3), np.empty(3), np.empty((3, 3))
@@ -171,8 +170,7 @@ def remap(
             information[i, k] = weighted[i, k]
         pull[i] = weighted[i, 0] * x[0] + weighted[i, 1] * x[1] + weighted[i, 2] * x[2]
     for i in range(3):
-        moved = S[i, 0] * pull[0] + S[i, 1] * pull[1] + S[i, 2] * pull[2]
-        pose[i] = z[i] + moved
+        pose[i] = z[i] + (S[i, 0] * pull[0] + S[i, 1] * pull[1] + S[i, 2] * pull[2])
     pose[2] = wrap_angle(pose[2])
 
 
@@ -249,15 +247,12 @@ def update(
     if share < 1.0:
         decouple(z, P, direction, share)
         remap(z, P, pose, information, direction, share, prior)
-    d, step, change, state = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    variance = np.empty(3)
-    for i in range(3):
-        change[i], variance[i] = z[TWIST + i], P[TWIST + i, TWIST + i]
+    d, step, state = np.empty(3), np.empty(3), np.empty(3)
+    twist, variance = z[TWIST:SCALE].copy(), np.diag(P)[TWIST:SCALE].copy()
     midpoint_step(last_pose, pose, step)
     if is_jump(step, dt, last_rate):
         isolate(P, POSE)
-    for i in range(3):
-        last_rate[i] = step[i] / max(dt, MIN_LASER_OFFSET)
+    last_rate[:] = step / max(dt, MIN_LASER_OFFSET)
     offset_from(z, pose, d)
     nis = mahalanobis_squared(inverse3(P[:3, :3] + np.diag(prior)), Pose2(d[0], d[1], d[2]))
     factor = (STUDENT_DOF + min(nis, MAX_NIS)) / (STUDENT_DOF + 3.0)
@@ -270,9 +265,7 @@ def update(
     information *= MAP_NOISE_SHARE
     pose_at_stamp(z, P, pose, floor, state)
     condition(z, P, state, posterior)
-    for i in range(3):
-        change[i] = z[TWIST + i] - change[i]
-    learn_density(change, variance, P, density_rate, default, learned[0])
+    learn_density(z[TWIST:SCALE] - twist, variance, P, density_rate, default, learned[0])
     midpoint_step(last_pose, z[:3], step)
     learn_factors(z, step, dt, factor_rate, floor, readings, learned[1])
     return pose[0], pose[1], pose[2]
