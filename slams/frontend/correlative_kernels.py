@@ -43,10 +43,8 @@ def cells_of(points: Floats, pose: Pose2, corner: Floats, cell: float, out: Cell
     for i in range(points.shape[1]):
         x = pose.x + c * points[0, i] - s * points[1, i]
         y = pose.y + s * points[0, i] + c * points[1, i]
-        out[0, i], out[1, i] = (
-            math.floor((x - corner[0]) / cell),
-            math.floor((y - corner[1]) / cell),
-        )
+        out[0, i] = math.floor((x - corner[0]) / cell)
+        out[1, i] = math.floor((y - corner[1]) / cell)
 
 
 @njit(inner=True, borrows=True)

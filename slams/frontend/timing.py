@@ -43,12 +43,12 @@ class ScanTiming:
     @property
     def jitter(self) -> float:
         """Standard deviation of the stamps [s]."""
-        return math.sqrt(self._jitter_variance) if self._smooth else 0.0
+        return math.sqrt(self._jitter_variance)
 
     @property
     def _jitter_variance(self) -> float:
-        """Variance of the stamps [s^2]."""
-        if self.interval > MAX_LASER_PERIOD:
+        """Variance of the stamps [s^2]; 0 if they are not smoothed."""
+        if not self._smooth or self.interval > MAX_LASER_PERIOD:
             return 0.0  # keyframes come by the motion of the robot
         return min(max(-self._covariance, 0.0), 0.5 * self._variance)
 
@@ -63,8 +63,7 @@ class ScanTiming:
         share = max(1.0 / self._count, 1.0 / N_AVERAGED_INTERVALS)
         deviation = stamped - self.interval
         std = math.sqrt(self._variance)
-        is_gap = deviation > STAMP_GAP_DEVIATIONS * std and deviation > self.interval
-        if self._count > 1 and std > 0.0 and is_gap:
+        if std > 0.0 and deviation > max(STAMP_GAP_DEVIATIONS * std, self.interval):
             self._latency = 0.0
             return stamped  # a gap is not part of the statistics
         self._variance += share * (deviation * deviation - self._variance)
@@ -76,7 +75,7 @@ class ScanTiming:
     def _filtered(self, stamped: float) -> float:
         """The interval between the filtered times."""
         jitter = self._jitter_variance
-        if not self._smooth or jitter <= 0.0:
+        if jitter <= 0.0:
             self._latency = 0.0
             return stamped
         ratio = max(self._variance - 2.0 * jitter, 0.0) / jitter  # of process to measurement noise

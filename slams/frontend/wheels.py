@@ -56,7 +56,9 @@ class WheelSteps:
         self._unchanged += dt
         since, step = self._since, last.between(odometry)
         if step != IDENTITY:
-            self._average(self._unchanged)
+            if self._unchanged < MAX_WHEEL_INTERVAL:
+                self._changes = min(self._changes + 1.0, N_AVERAGED_WHEEL_INTERVALS)
+                self._interval += (self._unchanged - self._interval) / self._changes
             self._unchanged = 0.0
         elif self._unchanged < MIN_CHANGE_RATIO * self._interval:
             return None
@@ -67,8 +69,3 @@ class WheelSteps:
             return None
         change = (after - before for before, after in zip(last_rate, rate, strict=True))
         return WheelStep(step, since, Pose2(*change))
-
-    def _average(self, interval: float) -> None:
-        if interval < MAX_WHEEL_INTERVAL:
-            self._changes = min(self._changes + 1.0, N_AVERAGED_WHEEL_INTERVALS)
-            self._interval += (interval - self._interval) / self._changes

@@ -70,10 +70,9 @@ def level(
                     statistics[N_BELOW_LEVEL] += 1.0
                 elif height < floor.clear + tolerance:
                     statistics[N_ON_FLOOR] += 1.0
-                    statistics[SUM_RESIDUAL_RATE] += height * height_rate / (distance * distance)
-                    statistics[SUM_SQUARED_RATE] += (
-                        height_rate * height_rate / (distance * distance)
-                    )
+                    area = distance * distance
+                    statistics[SUM_RESIDUAL_RATE] += height * height_rate / area
+                    statistics[SUM_SQUARED_RATE] += height_rate * height_rate / area
                 continue
         u = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z
         v = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z
