@@ -5,9 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from bench.sim.degrade import degrade
-from bench.sim.setting import Setting
-from bench.sim.simulation import simulate
 from crsm import match_kernels
 from crsm.map_kernels import add_walls
 from crsm.match_kernels import WeightedPrior, climb, fitness, score
@@ -25,7 +22,7 @@ from slams.scan.end_points import pose_distance
 from slams.types import IDENTITY, Pose2
 from tests.crsm.room import Parameters, mapped, noisy_view
 from tests.crsm.test_map import RULE, blank, darkness_at, wall
-from tests.rooms import calls, made
+from tests.rooms import calls
 
 LOOSE = WeightedPrior(0.0, 0.0, 0.0, np.eye(3), 1e-6)
 OFF = Pose2(0.33, -0.3, 0.4)
@@ -124,20 +121,6 @@ def test_a_fit_to_lines_follows_a_rough_climb_and_weighs_it(monkeypatch):
     assert not rough.information.any()
     seen = view.information(found.pose.theta) * found.inlier_ratio
     assert found.information == pytest.approx(seen)
-
-
-@pytest.mark.parametrize("kind", ["stall=3", "jitter=50"])
-def test_a_robot_moves_along_a_corridor_in_spite_of_stalled_wheels(kind):
-    """A prior of too much weight holds the robot: few critical rays constrain it along."""
-    name, level = kind.split("=")
-    log = degrade(simulate(Setting("ring", seed=102, duration=30.0)), name, float(level), 102)
-    slam = made("crsm")
-    scans = list(log.select(every=4))
-    found = [slam.update(scan) for scan in scans]
-    truth = log.truth_at(np.array([scan.t for scan in scans]))
-    there = Pose2(*truth[0])
-    off = [there.between(Pose2(*t)).between(p) for t, p in zip(truth, found, strict=True)]
-    assert max(np.hypot(o.x, o.y) for o in off) < 0.2
 
 
 def test_long_steps_are_made_on_the_coarse_grid():

@@ -14,7 +14,6 @@ from hector.map import (
 )
 from hector.match_kernels import Solver, gauss_newton, normal_equations
 from slams.geometry import Prior
-from slams.refine.line_kernels import View, line_equations
 from slams.refine.lines import MIN_USED_BEAMS
 from slams.scan.end_points import EndPoints, pose_distance
 from slams.types import IDENTITY, Pose2
@@ -128,17 +127,3 @@ def test_scans_of_many_beams_are_matched_to_the_pyramid_by_a_part_of_them(n, ref
         exact = not refine and level == 0
         expected = params.converged if exact else relative * 0.05 * 2**level
         assert solver.tolerance == pytest.approx(expected)
-
-
-def test_every_few_beams_are_enough_for_a_first_step_on_the_lines():
-    grids, points = mapped(1081)
-    sums = []
-    for left, stride in ((1, 1), (4, 1), (1, 4)):
-        ends, normals = points.points[:, ::left].copy(), points.normals[:, ::left].copy()
-        H, b = np.zeros((3, 3)), np.zeros(3)
-        view = View(ends, normals, ends.shape[1], IDENTITY)
-        line_equations(grids.lines.cells, view, stride, IDENTITY, 400.0, H, b)
-        sums.append((H, b))
-    assert pytest.approx(sums[1][0], rel=1e-6) == H
-    assert b == pytest.approx(sums[1][1], rel=1e-6)
-    assert np.linalg.solve(*sums[0]) == pytest.approx(np.linalg.solve(H, b), abs=2e-3)

@@ -16,13 +16,6 @@ from slams.types import IDENTITY, Pose2
 from tests.rooms import drive, laser, scan_at
 
 
-def test_built_ins_resolve_and_every_one_has_a_default_preset():
-    for name in names():
-        entry = find(name)
-        assert entry.preset == "default"
-        assert entry.params() == entry.cls.Params()
-
-
 @pytest.mark.parametrize("name", ["hector", "tsd", "crsm", "gmapping"])
 def test_an_original_is_a_class_with_parameters_of_its_own(name):
     default, original = find(name), find(f"{name}@original")

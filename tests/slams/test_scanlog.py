@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from slams import load
-from slams.scanlog import ScanLog, TimeSeries, load_npz
+from slams.scanlog import TimeSeries, load_npz
 from slams.types import Laser, Pose2
 
 T = np.array([0.0, 0.1, 0.2])
@@ -229,9 +229,3 @@ def test_what_cannot_be_opened_is_one_sentence(tmp_path, monkeypatch):
     with pytest.raises(PermissionError) as caught:
         load_npz(path)
     assert str(caught.value) == f"{path}: permission denied; expected an npz file"
-
-
-def test_a_scan_of_one_beam_needs_no_step():
-    log = ScanLog(np.zeros(1), np.ones((1, 1), np.float32), Laser(0.0, 0.0, 1, 0.1, 30.0))
-    assert len(list(log)) == 1
-    assert log.scan_period == 0.0

@@ -143,7 +143,3 @@ def test_a_robot_that_stands_on_a_slope_is_not_taken_for_a_stuck_attitude():
     slope = Attitude(0.0, 0.15)
     assert replayed(lambda t: slope, 5.0, lambda t: slope, IDENTITY)["leveled"] == 50
     assert replayed(lambda t: LEVEL, 5.0, lambda t: LEVEL)["leveled"] == 50
-
-
-def test_what_is_not_a_number_is_no_attitude():
-    assert Scan(0.0, room(LEVEL), LIDAR, attitude=Attitude(math.nan, 0.0)).attitude is None
