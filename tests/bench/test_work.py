@@ -19,6 +19,7 @@ from tests.bench.test_store import files
 from tests.places import ROOT
 from tests.processes import ends, in_session, processes_of, signal_group, signal_one
 from tests.rooms import drive
+from tests.slams.live.commands import PATIENCE, started
 
 TOY = ("tests.bench.toy_runs",)
 
@@ -145,7 +146,6 @@ def test_ctrl_c_is_for_the_parent_to_decide():
     assert ended.value == "went on"
 
 
-PATIENCE = 60.0  # s, for what happens in moments on a machine with nothing else to do
 DRIVER = """
 import sys
 from bench.run import pool
@@ -275,13 +275,6 @@ class Stuck(Odometry):
         while True:
             time.sleep(0.01)
 """
-
-
-def started(*words, folder):
-    """A command in a session of its own, with this source tree and the folder's modules."""
-    path = os.pathsep.join([str(ROOT), str(folder)])
-    command = [sys.executable, "-m", *words]
-    return in_session(command, cwd=folder, env=os.environ | {"PYTHONPATH": path})
 
 
 def test_a_comparison_that_is_ended_leaves_nothing(tmp_path):

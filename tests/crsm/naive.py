@@ -101,13 +101,6 @@ def draw(grid, d, angles, pose, cell, m, rho, kappa):
     return grid
 
 
-def observe(cell, value, weight, max_weight):
-    """Weighted mean [value, weight] of a cell with one more observation."""
-    total = cell[1] + weight
-    cell[0] += (value - cell[0]) * weight / total
-    cell[1] = min(total, max_weight)
-
-
 def insert(gray, weight, segments, pose, frame, rules):
     """Add segments (k, 5) and their beams to gray levels and weights (ny, nx), in place."""
     (x0, y0), cell = frame
@@ -119,9 +112,9 @@ def insert(gray, weight, segments, pose, frame, rules):
     drawn = np.zeros(gray.shape, bool)
 
     def enter(j, i, value, by):
-        state = [float(gray[j, i]), float(weight[j, i])]
-        observe(state, value, by, max_weight)
-        gray[j, i], weight[j, i] = state
+        total = weight[j, i] + by
+        gray[j, i] += (value - gray[j, i]) * by / total
+        weight[j, i] = min(total, max_weight)
         drawn[j, i] = True
 
     for x, y, *normal, half in segments:
