@@ -178,15 +178,6 @@ def test_a_view_has_all_beams_of_the_scan_in_fewer_pieces(monkeypatch):
     assert not np.array_equal(ray, view.ray)  # a copy, to be kept
 
 
-def test_normals_are_those_of_the_walls_and_face_the_laser():
-    surface = surface_of(IDENTITY)
-    wall = surface[np.abs(surface[:, 0] - 4.0) < 1e-3]
-    inner = wall[(np.abs(wall[:, 1] + 1.5) > 0.3) & (np.abs(wall[:, 1] - 2.5) > 0.3)]
-    assert len(inner) > 20
-    np.testing.assert_allclose(inner[:, 2:4], [[-1.0, 0.0]] * len(inner), atol=1e-4)
-    assert (np.sum(surface[:, :2] * surface[:, 2:4], axis=1) < 0.0).all()
-
-
 def test_the_far_end_of_a_bare_corridor_does_not_constrain_the_position_along_it():
     """Beams there are meters apart and move with the robot."""
     scan = scan_at(IDENTITY, laser(361), CORRIDOR, 0.01, np.random.default_rng(1))

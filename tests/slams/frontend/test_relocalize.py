@@ -99,28 +99,6 @@ def test_a_robot_that_stands_is_found_two_seconds_later_else_earlier(step, least
     assert least <= 0.1 * k < most
 
 
-def test_alike_rooms_are_not_guessed_until_the_robot_leaves_them():
-    draw, near = Map(grid_of(ALIKE, inside=(0.0, -1.0))), laser(541, range_max=3.0)
-    relocalizer = Relocalizer()
-    inside = driving(80, Pose2(-4.5, 2.5, -1.5), Pose2(0.0, 0.005, 0.02), ALIKE, near)
-    assert run(inside, draw, Pose2(0.0, -1.0, 0.0), relocalizer=relocalizer)[0] is None
-    start = Pose2(-4.5, 2.5, -1.5)
-    leaving = [(p, Scan(s.t + 8.0, s.ranges, s.laser)) for p, s in
-               driving(60, start, Pose2(0.08, 0.0, 0.0), ALIKE, near)]  # fmt: skip
-    guess = Pose2(0.0, -1.0, 0.0) @ inside[0][0].between(start)
-    found, k, _ = run(leaving, draw, guess, relocalizer=relocalizer)
-    assert_near(found, leaving[k][0])
-    assert leaving[k][0].y < 1.5
-
-
-def test_small_differences_of_alike_rooms_do_not_add_up_while_the_robot_stands(office):
-    there = Pose2(22.0, 9.3, 3.04)
-    assert run(driving(120, there, IDENTITY, OFFICE), Map(office))[0] is None
-    scan = noisy(there, segments=OFFICE)
-    first, second = searched(office, scan)[:2]
-    assert 0.8 < first.probability < 0.95 and second.probability > 0.05
-
-
 def test_more_alike_places_than_can_be_tracked_stay_open(monkeypatch):
     of_one = 3.0 * map_index.FIT_COST  # one is tracked, of two
     monkeypatch.setattr(relocalize, "WORK_PER_SCAN", of_one)

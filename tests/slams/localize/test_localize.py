@@ -8,7 +8,6 @@ import pytest
 from slams.localize import GlobalLocalizer, map_index
 from slams.localize.distance_map import DistanceMap
 from slams.localize.map_index import Candidate, MapIndex, Search, Work, end_points, merged
-from slams.test_world import odd_scans
 from slams.types import Laser, OccupancyGrid, Pose2
 from tests.floors import ALIKE, grid_of, noisy, searched
 from tests.rooms import ROOM, box, error, laser
@@ -78,15 +77,6 @@ def test_every_laser_is_served(kind, room):
         assert error(found.pose, pose)[0] < 0.06
 
 
-def test_people_do_not_throw_it_off(room):
-    scan = noisy(POSES[0])
-    ranges = scan.ranges.copy()
-    ranges[100:180], ranges[300:360] = 0.7, np.nan
-    first = searched(room, type(scan)(0.0, ranges, scan.laser))[0]
-    assert error(first.pose, POSES[0])[0] < 0.1
-    assert first.conflicts < 0.05 and 0.7 < first.inliers < 0.9
-
-
 def test_probabilities_follow_from_scores_and_what_was_before():
     scored = ((0, 0.9), (3, 0.88), (6, 0.3))
     a, b, c = (Candidate(Pose2(x, 0.0, 0.0), e, 0.0, 1.0) for x, e in scored)
@@ -126,14 +116,6 @@ def test_alike_rooms_are_told_apart_by_driving_on(wheels):
     assert sure and sure[0][0] > 10
     assert max(error for _, error in sure) < 0.1
     assert localizer.candidates[0].probability > 0.95
-
-
-def test_odd_scans_are_taken(room):
-    localizer = GlobalLocalizer(room)
-    for scan in odd_scans().values():
-        localizer.add(scan)
-    assert all(math.isfinite(v) for c in localizer.candidates for v in (*c.pose, c.probability))
-    assert GlobalLocalizer(room).add(odd_scans()["nothing but nan"]) is None
 
 
 def test_the_squares_of_a_search_are_those_in_which_a_laser_has_room(room):
