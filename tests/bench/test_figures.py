@@ -133,6 +133,7 @@ def test_several_logs_get_one_table_and_one_page(made):
     assert (frame.index[0], broken["logs"], broken["lost or failed"]) == ("odometry", 2, 1)
     assert np.isnan(broken["worst [mm]"]) and broken["worst log"] == "room"
     assert OVER_LOGS_TITLE in terminal(found)
+    assert f"{BROKEN} failed: ValueError: no <b>walls</b>" in terminal(found)
     assert frame.loc["odometry", "mean rank"] <= frame.loc[STILL, "mean rank"]
     assert frame["mean rank"].sum() == pytest.approx(6.0), "1 + 2 + 3, those alike share"
     page = (folder / "report.html").read_text()
