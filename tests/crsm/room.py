@@ -10,11 +10,6 @@ from tests.rooms import driven, laser, scan_at
 LASER = laser(721)
 
 
-def Parameters(**changes):
-    """Parameters of a small map."""
-    return CrsmParams(**{"max_cells": 1 << 18} | changes)
-
-
 def drive(n):
     poses = [IDENTITY]
     for _ in range(n - 1):
@@ -30,7 +25,7 @@ def mapped(n=10, **changes):
 
 
 def reader_of(scan):
-    return ScanReader(Parameters()).read(scan, IDENTITY)
+    return ScanReader(CrsmParams()).read(scan, IDENTITY)
 
 
 def noisy_view(seed=4, pose=IDENTITY):

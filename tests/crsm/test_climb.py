@@ -16,11 +16,12 @@ from crsm.matcher import (
     MEAN_FITNESS_SCANS,
     Matcher,
 )
+from crsm.params import CrsmParams
 from slams.frontend.motion_filter import Prediction
 from slams.jit import njit
 from slams.scan.end_points import pose_distance
 from slams.types import IDENTITY, Pose2
-from tests.crsm.room import Parameters, mapped, noisy_view
+from tests.crsm.room import mapped, noisy_view
 from tests.crsm.test_map import RULE, blank, darkness_at, wall
 from tests.rooms import calls
 
@@ -90,7 +91,7 @@ def test_climb_ends_where_no_finest_step_gains():
 
 def test_restarts_find_what_one_climb_does_not():
     slam, view = mapped(), noisy_view(9)
-    matcher = Matcher(Parameters(), slam._map)
+    matcher = Matcher(CrsmParams(), slam._map)
     alone = matcher.climb(view, OFF, expecting(OFF, 0.3))
     assert matcher.restarts == 0  # there is no mean fitness yet
     assert pose_distance(view, alone.pose, IDENTITY) > 0.2
@@ -98,7 +99,7 @@ def test_restarts_find_what_one_climb_does_not():
         matcher.learn(view, IDENTITY)
     found = matcher.climb(view, OFF, expecting(OFF, 0.3))
     assert pose_distance(view, found.pose, IDENTITY) < 0.05
-    assert 0 < matcher.restarts <= Parameters().climbs + 1
+    assert 0 < matcher.restarts <= CrsmParams().climbs + 1
     assert found.inlier_ratio > 0.9 * matcher.mean_fitness
 
 
@@ -106,7 +107,7 @@ def test_a_prior_counts_by_the_noise_over_the_width_of_a_wall(monkeypatch):
     slam, view = mapped(), noisy_view(9)
     made = calls(monkeypatch, match_kernels, "climb")
     for stroke in (0.5, 1.0):
-        Matcher(Parameters(stroke=stroke), slam._map).climb(view, OFF, expecting(OFF, 0.3))
+        Matcher(CrsmParams(stroke=stroke), slam._map).climb(view, OFF, expecting(OFF, 0.3))
         expected = (view.noise / (0.05 * stroke)) ** 2 / len(view.ends)
         assert made[-1][2][-1] == pytest.approx(expected)
 
@@ -114,8 +115,8 @@ def test_a_prior_counts_by_the_noise_over_the_width_of_a_wall(monkeypatch):
 def test_a_fit_to_lines_follows_a_rough_climb_and_weighs_it(monkeypatch):
     slam, view = mapped(), noisy_view(9)
     made = calls(monkeypatch, match_kernels, "climb")
-    rough = Matcher(Parameters(), slam._map).climb(view, IDENTITY, expecting(IDENTITY, 0.1))
-    alone = Matcher(Parameters(refine=False), slam._map)
+    rough = Matcher(CrsmParams(), slam._map).climb(view, IDENTITY, expecting(IDENTITY, 0.1))
+    alone = Matcher(CrsmParams(refine=False), slam._map)
     found = alone.climb(view, IDENTITY, expecting(IDENTITY, 0.1))
     assert [finest for *_, finest in made] == [LAST_STEP_BEFORE_LINES, LAST_STEP]
     assert not rough.information.any()
@@ -136,7 +137,7 @@ def test_long_steps_are_made_on_the_coarse_grid():
 
 def test_a_start_that_is_not_the_prediction_is_climbed_from_with_long_steps_alone(monkeypatch):
     slam, view = mapped(), noisy_view(9)
-    matcher = Matcher(Parameters(), slam._map)
+    matcher = Matcher(CrsmParams(), slam._map)
     matcher.mean_fitness = 2.0  # no climb reaches it
     made = calls(monkeypatch, match_kernels, "climb")
     matcher.climb(view, OFF, expecting(IDENTITY, 0.3))
@@ -149,7 +150,7 @@ def test_a_start_that_is_not_the_prediction_is_climbed_from_with_long_steps_alon
 
 def test_mean_fitness_is_a_moving_average():
     slam, view = mapped(), noisy_view(9)
-    matcher = Matcher(Parameters(), slam._map)
+    matcher = Matcher(CrsmParams(), slam._map)
     matcher.learn(view, IDENTITY)
     fit = fitness_at(slam._map.levels[0], view.ends, (0.0, 0.0, 0.0))
     assert matcher.mean_fitness == pytest.approx(fit / MEAN_FITNESS_SCANS)

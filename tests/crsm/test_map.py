@@ -7,12 +7,13 @@ import pytest
 
 from crsm.map import GrayMap
 from crsm.map_kernels import Grid, Update, add_free_space, add_walls, darkness, wall_segments
+from crsm.params import CrsmParams
 from crsm.rays_kernels import leverage
 from crsm.scan import MIN_CRITICAL_RAYS, ScanReader
 from slams.jit import njit
 from slams.types import IDENTITY, Pose2, Scan
 from tests.crsm import naive
-from tests.crsm.room import LASER, Parameters, drive, noisy_view, reader_of
+from tests.crsm.room import LASER, drive, noisy_view, reader_of
 from tests.rooms import laser, made, scan_at
 
 RULE = Update(0.3, 100.0, 0.035, 0.6)
@@ -101,7 +102,7 @@ def test_darkness_is_the_spline_of_the_cells_around():
 
 
 def test_a_building_that_begins_at_the_start_is_not_moved(monkeypatch):
-    grid, view = GrayMap(Parameters()), reader_of(scan_at(IDENTITY, LASER))
+    grid, view = GrayMap(CrsmParams(max_cells=1 << 18)), reader_of(scan_at(IDENTITY, LASER))
     before = grid.levels[0].gray
     side = 0.05 * math.isqrt(1 << 18)
     assert grid.insert(view, Pose2(0.5 * side, 0.0, 0.0))
@@ -109,7 +110,7 @@ def test_a_building_that_begins_at_the_start_is_not_moved(monkeypatch):
 
 
 def test_critical_rays_equal_the_naive_selection():
-    view, count = noisy_view(), Parameters().critical_rays
+    view, count = noisy_view(), CrsmParams().critical_rays
     n = view.n
     xy, normal = view.points[:2, :n].T, view.normals[:2, :n].T
     assert not normal.any(axis=1).all()  # isolated points have no leverage
@@ -129,7 +130,7 @@ def test_critical_rays_equal_the_naive_selection():
 
 def test_at_most_half_of_the_points_are_rays_unless_they_are_few():
     for beams, rays in ((361, 150), (101, MIN_CRITICAL_RAYS), (41, 41)):
-        reader = ScanReader(Parameters(critical_rays=150))
+        reader = ScanReader(CrsmParams(critical_rays=150))
         reader.read(scan_at(IDENTITY, laser(beams)), IDENTITY)
         assert len(reader.ends) == pytest.approx(rays, abs=0.1 * rays)
 
