@@ -6,11 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slams.frontend.estimator import PoseEstimator
-from slams.frontend.params import FrontendParams
-from slams.refine.lines import Match
-from slams.refine.params import RefineParams
-from slams.scan.end_points import EndPoints
 from slams.types import IDENTITY, Pose2, Scan
 from tests.rooms import ALGORITHMS, box, cast, laser, made
 
@@ -69,37 +64,3 @@ def test_scans_with_many_ends_where_the_map_is_free_are_counted(name, beams, cou
             seen[first : first + beams] *= 0.6  # of 181: somebody walks by
         slam.update(Scan(0.1 * k, seen, SPARSE))
     assert slam.report()["in_conflict"] == counted
-
-
-class Grid:
-    """A map with given shares of inliers and conflicts."""
-
-    empty = True
-
-    def evaluate(self, points, pose):
-        return self.there if pose == self.match else self.predicted
-
-
-@pytest.mark.parametrize(
-    ("there", "predicted", "state"),
-    [
-        ((0.6, 0.2), (0.6, 0.2), "predicted"),  # among people, any pose does as well
-        ((0.6, 0.2), (0.4, 0.3), "matched"),
-        ((0.25, 0.22), (0.1, 0.5), "predicted"),  # more than the prediction, and yet nothing
-        ((0.6, 0.0), (0.6, 0.0), "matched"),  # along a corridor that is empty
-    ],
-)
-def test_a_scan_in_conflict_overrules_the_wheels_only_with_a_lead(there, predicted, state):
-    estimator, grid = PoseEstimator(FrontendParams(search=False)), Grid()
-    points = EndPoints(RefineParams())
-    for k in range(2):
-        scan = Scan(0.1 * k, cast(HALL, IDENTITY, SPARSE), SPARSE, Pose2(0.05 * k, 0.0, 0.0))
-        prior = estimator.predict(scan)
-        poses = [prior.pose @ Pose2(0.001 * mm, 0.0, 0.0) for mm in range(100)]
-        pose = next(pose for pose in poses if prior.mahalanobis_squared(pose) > 15.0 * k)
-        grid.match, grid.there, grid.predicted = pose, there, predicted
-        match = Match(pose, there[0], 1.0, np.diag((1e4, 1e4, 1e5)))
-        found = estimator.decide(points.read(scan, IDENTITY), [match], grid, lambda *_: [])
-        grid.empty = False
-    assert prior.mahalanobis_squared(pose) < 40.0
-    assert estimator.state == state and (found == prior.pose) == (state == "predicted")

@@ -291,6 +291,22 @@ def test_a_robot_may_start_fast_into_new_ground(before, share, state):
     assert robot.take(1, share, 0.0, Pose2(0.3, 0.0, 0.0)).state == state
 
 
+@pytest.mark.parametrize(
+    ("there", "predicted", "state"),
+    [
+        ((0.6, 0.2), (0.6, 0.2), "predicted"),  # among people, any pose does as well
+        ((0.6, 0.2), (0.4, 0.3), "matched"),
+        ((0.25, 0.22), (0.1, 0.5), "predicted"),  # more than the prediction, and yet nothing
+        ((0.6, 0.0), (0.6, 0.0), "matched"),  # along a corridor that is empty
+    ],
+)
+def test_a_scan_in_conflict_overrules_the_wheels_only_with_a_lead(there, predicted, state):
+    robot = Standing(1)
+    robot.predicted = predicted
+    found = robot.take(1, *there, Pose2(0.01, 0.0, 0.0), (1e4, 1e4, 1e5))  # 4.4 deviations
+    assert found.state == state and (found.pose == IDENTITY) == (state == "predicted")
+
+
 def test_wheels_in_conflict_with_the_map_give_way_to_matches_of_most_points():
     robot, at = Standing(19), Pose2(0.05, 0.0, 0.0)
     robot.predicted = 0.0, 0.4
