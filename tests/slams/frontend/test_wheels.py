@@ -16,8 +16,9 @@ from slams.frontend.ranking import Candidate
 from slams.frontend.wheels import WheelSteps
 from slams.refine.lines import Match
 from slams.types import IDENTITY, Pose2
-from tests.rooms import LIDAR, scan_at, settled, still
+from tests.rooms import LIDAR, scan_at, settled
 from tests.slams.frontend.test_filter import SHARP, scan
+from tests.slams.frontend.test_parts import Standing
 
 
 def steps(poses, dt=0.1):
@@ -104,16 +105,12 @@ def test_a_score_is_that_of_scan_and_prior():
     ("shares", "maps", "later"),
     [((0.0, 0.22), True, 0.22), ((0.05, 0.28), False, 0.28), ((0.05, 0.45), False, 0.2)],
 )
-def test_where_nothing_matches_new_ground_enters_the_map(shares, maps, later, monkeypatch):
-    slam = settled("hector", 5, odometry=IDENTITY)
-    slam._estimator._mean_score = 1.0
-    for k in range(5, 20):
-        found = (shares[0], later) if k > 13 else shares
-        monkeypatch.setattr(slam._map, "evaluate", lambda points, pose, found=found: found)
-        slam.update(still(k, odometry=IDENTITY))
-        seconds = 0.1 * (k - 4)
+def test_where_nothing_matches_new_ground_enters_the_map(shares, maps, later):
+    robot = Standing(5)
+    for k in range(1, 16):
+        found, seconds = robot.take(1, shares[0], later if k > 9 else shares[1]), 0.1 * k
         if abs(seconds - MAX_UNMATCHED_TIME) > 0.05:
-            assert slam._estimator.may_map == (maps and seconds > MAX_UNMATCHED_TIME)
+            assert found.may_map == (maps and seconds > MAX_UNMATCHED_TIME)
 
 
 def test_the_start_is_the_last_pose_moved_by_the_wheels():
