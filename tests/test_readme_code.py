@@ -72,11 +72,9 @@ class Buffer:
         return SimpleNamespace(transform=transform)
 
 
-@pytest.fixture
-def ros(monkeypatch):
-    """ROS where there is none; the transforms that are sent."""
-    sent = []
-    packages = ("geometry_msgs", "nav_msgs", "sensor_msgs")
+def test_the_node_of_the_readme_publishes_the_correction_and_the_map(monkeypatch):
+    """By a ROS where there is none."""
+    sent, packages = [], ("geometry_msgs", "nav_msgs", "sensor_msgs")
     names = ["rclpy", "rclpy.node", "rclpy.qos", "tf2_ros", *packages]
     for name in [*names, *(f"{package}.msg" for package in packages)]:
         monkeypatch.setitem(sys.modules, name, MagicMock())
@@ -84,10 +82,6 @@ def ros(monkeypatch):
     sys.modules["tf2_ros"].TransformException = KeyError
     sys.modules["tf2_ros"].TransformBroadcaster().sendTransform = sent.append
     sys.modules["geometry_msgs.msg"].TransformStamped = MagicMock
-    return sent
-
-
-def test_the_node_of_the_readme_publishes_the_correction_and_the_map(ros):
     code = block("class SlamNode")
     assert len([line for line in code.splitlines() if line.strip()]) <= 65
     exec(code, scope := {})
@@ -97,9 +91,9 @@ def test_the_node_of_the_readme_publishes_the_correction_and_the_map(ros):
     for scan in drive(n=3):
         stamp = SimpleNamespace(sec=int(scan.t), nanosec=round(scan.t % 1 * 1e9))
         push_fields(topic, **(fields_of(scan) | {"stamp": stamp}))
-    assert len(ros) == 3
-    assert (ros[0].header.frame_id, ros[0].child_frame_id) == ("map", "odom")
-    theta = 2.0 * math.atan2(ros[0].transform.rotation.z, ros[0].transform.rotation.w)
+    assert len(sent) == 3
+    assert (sent[0].header.frame_id, sent[0].child_frame_id) == ("map", "odom")
+    theta = 2.0 * math.atan2(sent[0].transform.rotation.z, sent[0].transform.rotation.w)
     assert theta == pytest.approx(-0.5)
     node.timer()
     info, grid = node.published[0].info, node.live.map()

@@ -208,16 +208,13 @@ def _messages(make, rng):
         ranges = np.array(mutated(row, rng, SAME_SHAPE) if wrong[2] else row, np.float32)
         angles = tuple(_maybe(rng, wrong[3], (-1.5, 0.1)))
         limits = tuple(_maybe(rng, wrong[4], (0.1, 30.0)))
-        xyt = _maybe(rng, wrong[5], pose.tolist())
+        x, y, turn = _maybe(rng, wrong[5], pose.tolist())
+        turn = turn if math.isfinite(turn) else 0.0  # a quaternion is made of it
         with np.errstate(all="ignore"):
             scan = make.scan(stamp, ranges, angles=angles, limits=limits)
             found.append(("/scan", t, scan))
-        found.append(("/odom", t, make.odometry(stamp, xyt[0], xyt[1], _turn(xyt[2]))))
+        found.append(("/odom", t, make.odometry(stamp, x, y, turn)))
     return found
-
-
-def _turn(angle):
-    return angle if math.isfinite(angle) else 0.0  # a quaternion is made of it
 
 
 def _maybe(rng, wrong, values):

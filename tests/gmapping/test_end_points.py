@@ -122,14 +122,6 @@ def test_without_any_hit_the_samples_have_the_prior():
     assert best == pytest.approx(-0.5 * MODEL.information * 0.01)
 
 
-def matcher_of_room():
-    """A matcher whose one particle has the room, and what is seen of it from 0."""
-    params = GMappingParams(refine=False, n_particles=1, max_tiles=5000)
-    matcher, view = EndPointMatcher(params), view_of(IDENTITY)
-    assert matcher.insert(view, np.zeros((1, 3)), 1.0)
-    return matcher, view
-
-
 def test_the_preset_tracks_resamples_and_has_nothing_of_ours_behind():
     truth, scans = drive(120)
     slam, poses = run(scans, "paper", n_particles=8)
@@ -141,7 +133,9 @@ def test_the_preset_tracks_resamples_and_has_nothing_of_ours_behind():
 
 
 def test_a_match_has_inlier_ratio_and_information_without_the_prior():
-    matcher, view = matcher_of_room()
+    params = GMappingParams(refine=False, n_particles=1, max_tiles=5000)
+    matcher, view = EndPointMatcher(params), view_of(IDENTITY)
+    assert matcher.insert(view, np.zeros((1, 3)), 1.0)
     weak, strong = (
         matcher.match(view, 0, geometry.Prior(IDENTITY, k * np.eye(3)), Pose2(*THERE))
         for k in (1.0, 1e7)

@@ -24,17 +24,6 @@ def doubled(x):
 ASK = "import os, kernel; kernel.doubled(1); print(os.environ.get('NUMBA_CACHE_DIR', 'none'))"
 
 
-@pytest.fixture
-def read_only(tmp_path, monkeypatch):
-    """A copy of the package in which no file can be made, as in a system's site-packages."""
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    package = tmp_path / "site" / "slams"
-    shutil.copytree(ROOT / "slams", package, ignore=shutil.ignore_patterns("__pycache__"))
-    (package / "__pycache__").write_text("stands in the way, for root, too")
-    (package.parent / "kernel.py").write_text(KERNEL)
-    return package.parent
-
-
 def cache_of(install, temp):
     """The folder that a process of this install keeps its kernels in."""
     temp.mkdir(exist_ok=True)
@@ -43,8 +32,13 @@ def cache_of(install, temp):
     return done.stdout.strip()
 
 
-def test_a_read_only_install_keeps_its_kernels_where_nobody_else_can_write(read_only, tmp_path):
-    folder = Path(cache_of(read_only, tmp_path / "mine"))
+def test_a_read_only_install_keeps_its_kernels_where_nobody_else_can_write(tmp_path, monkeypatch):
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    package = tmp_path / "site" / "slams"
+    shutil.copytree(ROOT / "slams", package, ignore=shutil.ignore_patterns("__pycache__"))
+    (package / "__pycache__").write_text("stands in the way, for root, too")
+    (package.parent / "kernel.py").write_text(KERNEL)
+    folder = Path(cache_of(package.parent, tmp_path / "mine"))
     assert folder.parent == tmp_path / "mine"
     assert folder.stat().st_mode & 0o777 == 0o700
     assert list(folder.rglob("*.nbi"))
@@ -52,7 +46,7 @@ def test_a_read_only_install_keeps_its_kernels_where_nobody_else_can_write(read_
     planted = tmp_path / "theirs" / folder.name
     planted.mkdir(parents=True)
     planted.chmod(0o777)  # its maker can still write into it
-    assert cache_of(read_only, planted.parent) == "none"
+    assert cache_of(package.parent, planted.parent) == "none"
     assert list(planted.iterdir()) == []
 
 

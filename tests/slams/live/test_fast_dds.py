@@ -18,20 +18,14 @@ HEADER = Path("/usr/include/fastdds/dds/domain/DomainParticipant.hpp")
 TOPICS = {"rt/map": MAP_TYPE, "rt/tf": TF_TYPE, "rt/pose": POSE_COV_TYPE}
 
 
-@pytest.fixture
-def peer(tmp_path):
+def test_a_robot_with_fast_dds_is_mapped_and_gets_map_pose_and_transform(tmp_path):
     if shutil.which("g++") is None or not HEADER.exists():
         pytest.skip("needs g++ and Fast DDS (Debian: libfastrtps-dev)")
-    program = tmp_path / "peer"
-    libraries = ("-lfastrtps", "-lfastcdr")
-    words = ["g++", "-std=c++17", "-O0", str(SOURCE), *libraries, "-o", str(program)]
+    peer, libraries = str(tmp_path / "peer"), ("-lfastrtps", "-lfastcdr")
+    words = ["g++", "-std=c++17", "-O0", str(SOURCE), *libraries, "-o", peer]
     built = subprocess.run(words, capture_output=True, text=True)
     if built.returncode:
         pytest.skip(f"the installed Fast DDS has another interface: {built.stderr[:200]}")
-    return program
-
-
-def test_a_robot_with_fast_dds_is_mapped_and_gets_map_pose_and_transform(peer, tmp_path):
     (tmp_path / "scan.cdr").write_bytes(scan_record(0.0).data)
     more = ("--out", "out", "--map-every", 0.2)
     live = started("slams.live", "hector", *more, folder=tmp_path)
