@@ -21,7 +21,7 @@ PLAIN_TYPES = (type(None), bool, int, float, str)
 NUMBER_KINDS = "biufc"  # kinds of dtypes: bool, integers, floats, complex
 # modules of slams whose classes a state may contain, in addition to the algorithm's package
 ALLOWED_MODULES = re.compile(
-    r"slams\.(types|params|geometry|frontend|grid_bounds|cells|scan|track|refine|localize|loops|baselines)\b"
+    r"slams\.(types|params|geometry|frontend|grid_bounds|cells|scan|refine|localize|loops|baselines)\b"
 )
 
 
