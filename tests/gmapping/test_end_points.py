@@ -83,6 +83,16 @@ def test_the_cost_is_of_distances_to_mean_hits_and_a_beam_without_one_costs_the_
     assert distance_cost(tiles, 0, np.zeros(3), near, 0.02, math.inf)[1] == 0.0
 
 
+def test_a_hit_counts_in_its_cell_and_in_the_eight_around():
+    tiles = tiles_of(ends_of([[1.0, 0.0]]))
+    for x in (-EDGE, 0.0, EDGE):
+        for y in (-EDGE, 0.0, EDGE):
+            ends, square = ends_of([[1.0 + x, y]]), x * x + y * y
+            total, inliers = distance_cost(tiles, 0, np.zeros(3), ends, 0.1, math.inf)
+            assert total == pytest.approx(0.01 * square / (0.01 + square), rel=1e-4)
+            assert inliers == 1.0
+
+
 def test_a_posterior_is_prior_and_likelihood_and_given_up_below_a_floor():
     ends = surface_of(IDENTITY)
     tiles, mean, known = tiles_of(ends), np.array([0.02, 0.0, 0.01]), np.diag([1e3, 2e3, 3e3])

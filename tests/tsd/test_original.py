@@ -53,6 +53,13 @@ def test_ray_cast_equals_the_naive_twin_and_the_walls(pushed):
     assert np.median(np.abs(np.hypot(*points[mask].T) - ranges[mask])) < 2e-3
 
 
+def test_a_ray_that_meets_a_wall_from_behind_finds_nothing(pushed):
+    kernel, sensor, *_ = pushed
+    points, mask = np.zeros((541, 2)), np.zeros(541, np.bool_)
+    cast_rays(kernel, np.array((2.36, 0.0, math.pi)), sensor, points, mask)
+    assert not mask[220:321].any()  # the wall across the room is in range
+
+
 def test_mask_drops_short_jumps_and_nan():
     lidar = laser(9, fov=0.08)
     sensor = Sensor(lidar.angle_min, lidar.angle_increment, 0.001, 30.0, 2.0, 32.0, 0.01)
