@@ -25,6 +25,7 @@ from tsd.map_kernels import (
     list_rows,
     push_rows,
     read_field,
+    second_layer_of,
 )
 from tsd.params import TsdParams
 
@@ -108,6 +109,13 @@ def test_push_blends_every_line_into_its_cells():
     for y, behind in ((-0.125, True), (0.025, False)):
         ix, iy = ((np.array([1.01, y]) - field.kernel.corner) / 0.05).astype(int)
         assert bool(field.kernel.cell_state[iy, ix] & BEHIND_BIT) == behind
+
+
+@pytest.mark.parametrize("degrees", range(20, 380, 50))
+def test_the_layers_of_a_normal_are_those_of_the_two_nearest_axes(degrees):
+    x, y = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    nearest = np.argsort([-x, -y, x, y])  # of +x, +y, -x, -y
+    assert [layer_of(x, y), second_layer_of(x, y)] == nearest[:2].tolist()
 
 
 @pytest.mark.parametrize("layer", range(4))

@@ -46,6 +46,13 @@ def test_a_window_beside_is_taken_only_if_it_is_twice_as_smooth():
     assert 5 < sum(beside) < 100
 
 
+@pytest.mark.parametrize(("k", "pair"), [(1, (0, 2)), (6, (6, 8))])
+def test_two_hits_at_the_end_of_a_surface_are_no_window_of_their_own(k, pair):
+    rng = np.random.default_rng(0)
+    sums = sums_of(np.stack([0.05 * np.arange(8), rng.normal(0.0, 0.01, 8)], axis=1))
+    assert fit_best_line(sums, k, 4, 0, 8, 0.0) != fit_line(sums, *pair)
+
+
 def test_surface_elements_stand_for_their_beams():
     lidar = laser(1081)
     room = np.array(box(-2.0, -3.0, 4.0, 2.5))
