@@ -198,15 +198,6 @@ def test_a_surface_goes_on_over_a_gap_of_four_spacings_of_its_beams():
         assert moments[5, :2].tolist() == starts
 
 
-def test_a_scan_is_read_without_its_isolated_points():
-    ranges = np.full(27, 2.0, np.float32)
-    ranges[13] = 1.0
-    ends = EndPoints(ScanParams()).read(
-        Scan(0.0, ranges, Laser(0.0, 0.001, 27, 0.1, 30.0)), IDENTITY
-    )
-    assert ends.n == 26 and np.hypot(*ends.points[:2, :26]).min() == pytest.approx(2.0)
-
-
 @pytest.mark.parametrize(("on", "seconds"), [(True, 0.02), (False, 0.02), (True, 0.0)])
 def test_only_a_sweep_that_takes_time_is_freed_of_its_motion(on, seconds):
     lidar = laser(181, time_increment=seconds / 180)
