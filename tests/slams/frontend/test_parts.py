@@ -381,6 +381,7 @@ def test_after_a_contradiction_what_explains_half_has_to_stand_for_seconds(wheel
     assert found.state == state and not found.may_map
     found = robot.take(20, 0.5, 0.0)
     assert found.state == "matched" and found.may_map
+    assert robot.take(35, 0.0, 0.0).may_map  # what was in conflict before the match is over
 
 
 @pytest.mark.parametrize(("motion_model", "informed"), [(False, False), (True, True)])
