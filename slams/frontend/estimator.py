@@ -164,10 +164,11 @@ class PoseEstimator:
     def _within_motion_bound(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> bool:
         """Whether a match beyond the gate fits well, and a scan can be so late.
 
-        Along a degenerate direction only the motion since the last scan is accepted.
+        The first match has no mean to be compared with: robots start fast, into new ground. Along a
+        degenerate direction only the motion since the last scan is accepted.
         """
-        is_untypical = self._has_matched and not self._is_typical(best)
-        if best.seconds > MAX_SCAN_DELAY or is_untypical:
+        least = MIN_SCORE_RATIO * self._mean_score if self._has_matched else MIN_RELIABLE_SCORE
+        if best.seconds > MAX_SCAN_DELAY or best.match_score < least:
             return False
         return best.seconds <= self._prior.dt or self._observability(points, best.match).share > 0.0
 

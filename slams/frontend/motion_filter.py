@@ -177,7 +177,8 @@ class MotionFilter:
     def set_pose(self, pose: Pose2, covariance: Floats) -> None:
         """Restart at a pose, at rest; the calibration of wheels and gyro stays."""
         self.shift(pose)
-        P, self._z[TWIST:SCALE] = self._P, 0.0
+        P = self._P
+        self._z[TWIST:SCALE] = 0.0
         P[TWIST:SCALE, :] = P[:, TWIST:SCALE] = 0.0
         P[TWIST:SCALE, TWIST:SCALE] = np.diag(TWIST_STD**2)
         P[:3, :3] = covariance

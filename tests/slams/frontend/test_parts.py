@@ -282,7 +282,7 @@ def test_along_a_bare_corridor_a_match_beyond_the_gate_is_of_this_interval(off, 
 
 @pytest.mark.parametrize(
     ("before", "share", "state"),
-    [(0, 0.7, "matched"), (1, 0.7, "matched"), (1, 0.6, "predicted")],
+    [(0, 0.7, "matched"), (0, 0.25, "predicted"), (1, 0.7, "matched"), (1, 0.6, "predicted")],
 )
 def test_a_robot_may_start_fast_into_new_ground(before, share, state):
     """Its first scans match by less than all, as they are partly in new ground."""
