@@ -14,6 +14,8 @@ from slams.jit import FAST, njit
 from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2
 
+MAX_SQUARE_GROWTH = 2.0  # factor of a step on the mean square; a prior may raise it a little
+
 
 class Solver(NamedTuple):
     """Settings of Gauss-Newton on one level.
@@ -111,7 +113,9 @@ def gauss_newton(
 ) -> tuple[Pose2, float, float]:
     """Match end points to one level: steps of [Kohlbrecher11] eq. 12 from `start`.
 
-    ours: a prior of the pose, weighted by the residuals' mean square as their variance.
+    ours: a prior of the pose, weighted by the residuals' mean square as their variance. A step that
+    multiplies the mean square is undone, and ends the level: where p is 0.99 the gradient is next
+    to nothing, and the step that follows from it leaves the wall.
     Returns the pose, and the score and the residuals' mean square of the last linearization, whose
     H is left in `H`.
     """
@@ -122,9 +126,15 @@ def gauss_newton(
     scratch = np.empty((5, 3))  # one array: each further type costs half a second to compile
     b, step, damped = scratch[3], scratch[4], scratch
     score = mean_square = 0.0
+    last, last_square = Pose2(x, y, theta), math.inf
     for _ in range(steps):
         pose = Pose2(x, y, theta)
         score, mean_square = normal_equations(level, points, n, stride, pose, H, b)
+        if mean_square > MAX_SQUARE_GROWTH * last_square:
+            x, y, theta = last
+            score, mean_square = normal_equations(level, points, n, stride, last, H, b)
+            break
+        last, last_square = pose, mean_square
         add_prior(H, information, mean_square, offset(pose, prior_pose), damped, b)
         for k in range(3):
             damped[k, k] += damping * H[k, k]

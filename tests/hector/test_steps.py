@@ -35,6 +35,19 @@ def test_one_step_of_gauss_newton_is_damped_and_limited():
     assert np.array(pose) - np.array(start) == pytest.approx(0.5 * step, rel=1e-6)
 
 
+def test_a_step_that_leaves_a_saturated_wall_is_undone():
+    p = np.zeros((60, 60), np.float32)
+    for walls in (p, p.T):
+        walls[50, 10:50], walls[51, 10:50] = 0.985, 0.99
+    level = settled("hector", 1)._map.levels[0]._replace(p=p, x0=0.0, y0=0.0, resolution=1.0)
+    along, across, H = np.arange(15.0, 45.0), np.full(30, 50.3), np.zeros((3, 3))
+    points = np.array((np.append(along, across), np.append(across, along)))
+    solver = Solver(12, 9.0, 0.2, 1e-3, 1e-3, 1)
+    pose, *_ = gauss_newton(level, points, 60, IDENTITY, NOTHING, solver, H)
+    score, _ = normal_equations(level, points, 60, 1, pose, H, np.zeros(3))
+    assert score > 0.98
+
+
 def test_pose_distance_adds_the_rotation_at_half_of_the_radius():
     points = settled("hector", 1)._scan
     points.radius = 8.0
