@@ -106,6 +106,9 @@ def test_push_blends_every_line_into_its_cells():
         value, total = naive_tsd.pushed_cell(lines[:, :5], *center, 0.15, 3.0)
         assert sd == pytest.approx(value, abs=1e-5)
         assert naive_tsd.cell_of(weights, 1, 1.01, y)[0] == pytest.approx(total, rel=1e-5)
+    x, y, nx, ny = lines[:, :4].T
+    top = (y - (center[0] - x) * nx / ny + 0.15 / ny).max()
+    assert naive_tsd.cell_of(weights, 1, 1.01, top + 0.025)[0] == 0.0
     for y, behind in ((-0.125, True), (0.025, False)):
         ix, iy = ((np.array([1.01, y]) - field.kernel.corner) / 0.05).astype(int)
         assert bool(field.kernel.cell_state[iy, ix] & BEHIND_BIT) == behind

@@ -66,6 +66,7 @@ def test_surface_elements_stand_for_their_beams():
     assert (nx * x + ny * y < 0.0).all()  # towards the laser
     assert np.abs(np.hypot(nx, ny) - 1.0).max() < 1e-9
     assert (np.diff(index) > 0).all()
+    assert index[0] == int(0.05 / (np.hypot(*points[:2, 0]) * lidar.angle_increment)) // 2
     wall = (np.abs(x - 4.0) < 1e-3) & (np.abs(y) < 2.0)  # at 4 m: a beam every 1.7 cm
     step = np.hypot(x, y) * lidar.angle_increment
     stride = np.maximum((0.05 / step).astype(int), 1)
@@ -82,6 +83,14 @@ def test_surface_elements_stand_for_their_beams():
         assert near.any() and (out[:n, 7][near] == known).all()
     dense = fit_surfaces(points, count, sums, firsts, beams, RULE, 0.0, out)
     assert dense > 0.97 * count
+
+
+def test_an_element_of_a_rough_surface_is_at_its_hit():
+    beams, points, count, sums = read(cast(ROOM, (0.0, 0.0, 0.0), laser(1081)), laser(1081))
+    rule, firsts, out = RULE._replace(max_variance=-1.0), np.zeros(1082), np.zeros((1081, 8))
+    find_runs(points, count, beams, rule, firsts)
+    n = fit_surfaces(points, count, sums, firsts, beams, rule, 0.05, out)
+    assert np.array_equal(out[:n, :2], points[:2, out[:n, 5].astype(int)].T)
 
 
 def test_dust_neither_thins_the_walls_nor_multiplies_the_elements():

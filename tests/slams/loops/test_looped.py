@@ -136,6 +136,16 @@ def test_parameters_pass_to_another_process():
     assert shown.strip() == str(params.as_dict())
 
 
+def test_while_frozen_nothing_enters_the_graph():
+    slam, scans = new(), list(around())[:80]
+    for scan in scans[:40]:
+        slam.update(scan)
+    n, slam.frozen = slam.graph.n, True
+    poses = np.array([slam.update(scan) for scan in scans[40:]])
+    assert slam.slam.frozen and slam.graph.n == n > 1
+    assert slam.corrected()[40:] == pytest.approx(poses)
+
+
 def test_an_algorithm_without_the_hooks_is_refused():
     with pytest.raises(TypeError, match=r"Odometry cannot close loops: it has no insert_at"):
         find("odometry+loops")
