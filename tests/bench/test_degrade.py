@@ -10,8 +10,6 @@ import pytest
 
 from bench.run.plan import conditions_of
 from bench.sim.degrade import CATALOG, degrade
-from bench.sim.setting import Setting
-from bench.sim.simulation import simulate, world_of
 from slams.scanlog import ScanLog, TimeSeries
 from tests.rooms import ROOM, cast, drive, drive_poses, laser
 
@@ -77,12 +75,6 @@ def test_draws_of_two_degradations_have_nothing_to_do_with_each_other():
     lost = np.isfinite(degrade(log, "dropout", 50, 1).ranges)
     cut = degrade(log, "short", 50, 1).ranges < log.ranges
     assert abs(np.corrcoef(lost.ravel(), cut.ravel())[0, 1]) < 0.05
-
-
-def test_a_degraded_log_keeps_its_world():
-    log = simulate(Setting(size=8.0, duration=0.5))
-    degraded = degrade(log, "bias", 0.05, 0)
-    assert world_of(degraded).fingerprint == world_of(log).fingerprint
 
 
 NOISE = "standard deviation of Gaussian noise added to each reading"

@@ -75,8 +75,6 @@ def test_errors_of_a_tum_file_are_those_of_evo(log, estimate, tmp_path):
     assert tables.count("| toolbox |") >= 4
     assert found.row["consistency"]["walls_m2"] > 0.0
     assert "toolbox" in (tmp_path / "out" / "report.html").read_text()
-    for figure in ("fig2_translation.png", "fig3_orientation.png"):
-        assert (tmp_path / "out" / figure).stat().st_size > 1000
 
 
 def test_a_run_of_ours_read_back_is_the_same_row(log, tmp_path):

@@ -57,9 +57,7 @@ RESOLUTION, LIMIT = "PARAM laser_front_laser_resolution", "PARAM robot_front_las
 @pytest.mark.parametrize(
     ("n", "header", "step", "first", "range_max"),
     [
-        (180, "", 1.0, -90.0, 81.0),
         (360, "", 0.5, -90.0, 81.0),
-        (361, "", 0.5, -90.0, 81.0),
         (91, "", 2.0, -90.0, 81.0),
         (401, f"{RESOLUTION} 0.25 1 h 1\n{LIMIT} 8 1 h 1\n", 0.25, -50.0, 8.0),
         (181, f"{RESOLUTION} 3.0 1 h 1\n", 1.0, -90.0, 81.0),  # of another laser

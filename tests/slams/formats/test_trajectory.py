@@ -58,7 +58,6 @@ def test_what_we_write_reads_back(packed, tmp_path):
         ("1 2 3 4 5 6 7 8\n1 2 3\n", "not lines of t x y z qx qy qz qw"),
         ("1,2,3,4\n", "not lines of t x y z qx qy qz qw"),
         ("1 2 3 4 5 6 7 eight\n", "not lines of t x y z qx qy qz qw"),
-        ("1 2 3 0 0 0 0 1\n", "got 1 poses at one stamp (1 s), expected a trajectory"),
         ("1 2 3 0 0 0 0 1\n" * 3, "got 3 poses at one stamp (1 s), expected a trajectory"),
         ("1 2 3 0 0 0 0 1\n2 nan 3 0 0 0 0 1\n", "1 of 2 poses are not finite or no rotation"),
         ("1 2 3 0 0 0 0 1\n2 2 3 0 0 0 0 0\n", "1 of 2 poses are not finite or no rotation"),
@@ -155,14 +154,12 @@ TF = SourceOptions(odom="odom")  # for /fused is odometry, too
 @pytest.mark.parametrize("topic", ["/slam_pose", "slam_pose", "/amcl", "/fused", "/path"])
 def test_topics_of_every_type(topic, bag):
     same(read_trajectory(topic, bag, TF))
-    same(slams.load(bag, truth=topic, odom="odom").truth)
 
 
 @pytest.mark.parametrize("frame", ["map", "/map"])
 def test_a_frame_is_composed_as_tf_would_and_not_extrapolated(frame, bag):
     read = read_trajectory(frame, bag, TF)
     same(read, T[2:-1], WAY[2:-1])
-    same(slams.load(bag, truth=frame, odom="odom").truth, T[2:-1], WAY[2:-1])
 
 
 def test_poses_are_of_the_base_that_the_log_has(bag):

@@ -1,6 +1,5 @@
 """A node that goes on from a state, or localizes in a map that stays."""
 
-import json
 import signal
 from dataclasses import replace
 
@@ -14,7 +13,6 @@ from slams.live import __main__ as command
 from slams.live.options import topic_names
 from slams.live.robot import Robot
 from slams.live.slam import MAX_RESUME_GAP
-from slams.types import IDENTITY
 from tests.floors import START, grid_of, seen, truth
 from tests.rooms import ROOM, box, cast, laser, scan_at
 from tests.slams.live.commands import PATIENCE, started
@@ -88,20 +86,6 @@ def test_wheels_count_on_only_for_a_while(gap, goes_on, tmp_path):
     assert on._scan.yaw is None
     on.push_scan(replace(scan, t=scan.t + 1.0))
     assert (on._scan.yaw, on._scan.odometry) == (3.0, scan.odometry)
-
-
-def test_a_robot_that_counts_anew_is_where_it_stopped(tmp_path):
-    live = LiveSlam("hector", warm_up=False)
-    lidar = laser(361)
-    for k in range(5):
-        live.push_scan(scan_at((0.0, 0.0, 0.0), lidar, t=1000.0 + k, odometry=Pose2(9.0, 9.0, 2.0)))
-    live.save(tmp_path / "s")
-    again = LiveSlam("hector", warm_up=False, state=tmp_path / "s")
-    for k in range(3):
-        scan = scan_at((0.0, 0.0, 0.0), lidar, t=5.0 + k, odometry=IDENTITY)
-        estimate = again.push_scan(scan)
-        assert np.abs(estimate.pose).max() < 0.02
-        assert estimate.map_to_odom is None if k == 0 else estimate.map_to_odom is not None
 
 
 @pytest.fixture(scope="module")
@@ -181,7 +165,6 @@ def test_what_does_not_fit_is_refused(folder, tmp_path):
     for changes, error, sentence in (
         ({"map_start": (0, 0, 0)}, ValueError, "got a pose without a map"),
         ({"state": state, "map": folder / "map.yaml"}, ValueError, "map: got a state"),
-        ({"state": folder / "map.yaml"}, ValueError, "not a state; expected a file of"),
         ({"state": tmp_path / "none"}, OSError, "none"),
         ({"map": folder / "map.yaml"}, TypeError, "odometry cannot localize in a map"),
     ):
@@ -263,6 +246,4 @@ def test_states_and_maps_over_the_network(folder, tmp_path):
     again = ["hector", str(tmp_path / "second.npz"), "-q", *map(str, there)]
     assert run.main([*again, "--out", str(tmp_path / "localized")]) == 0
     assert np.array_equal(trajectory(found), trajectory(tmp_path / "localized"))
-    node = json.loads((found / "summary.json").read_text())["node"]
-    assert node["algorithm"]["explained"] > 0.9
     assert [p.name for p in tmp_path.iterdir() if p.name.startswith(".")] == []

@@ -192,7 +192,6 @@ def test_a_run_of_the_recording_gives_the_poses_of_the_robot(transports, tmp_pat
     as_logged = replay(slams.create("hector"), slams.load(tmp_path / "tb.npz"))
     off = np.hypot(*(run.poses - as_logged.poses)[:, :2].T)
     assert off.max() < 1e-3
-    assert {p.name for p in out.iterdir()} >= {"map.png", "map.pgm", "map.yaml", "trajectory.tum"}
     assert not [p.name for p in tmp_path.iterdir() if p.name.startswith(".")]
 
 
