@@ -116,6 +116,7 @@ def gauss_newton(
     ours: a prior of the pose, weighted by the residuals' mean square as their variance. A step that
     multiplies the mean square is undone, and ends the level: where p is 0.99 the gradient is next
     to nothing, and the step that follows from it leaves the wall.
+
     Returns the pose, and the score and the residuals' mean square of the last linearization, whose
     H is left in `H`.
     """

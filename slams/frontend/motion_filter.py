@@ -30,7 +30,6 @@ from slams.types import Floats, Pose2, Scan, wrap_angle
 ACCELERATION_DENSITY = np.array((0.5, 0.01, 2.0))  # m^2/s^3, m^2/s^3, rad^2/s^3: white noise
 HANDHELD_LATERAL_DENSITY = 0.5  # m^2/s^3, of a laser without wheels, which may be carried
 TWIST_CORRELATION_TIME = np.array((100.0, 0.5, 10.0))  # s, of the Ornstein-Uhlenbeck process
-UNOBSERVED_CORRELATION_TIME = np.array((100.0, 0.5, 1.5))  # s, without sensors: turns end soon
 TWIST_STD = np.array((0.7, 0.5, 1.0))  # m/s, m/s, rad/s, of an unknown robot
 # 1, 1, rad/s, rad/m, s: scales of the wheels, gyro bias, heading drift of the wheels, delay
 CALIBRATION_STD = np.array((0.02, 0.05, 0.01, 0.01, 0.03))
@@ -126,16 +125,9 @@ class MotionFilter:
         else:
             self._read(last, scan, wheels)
             state, learned = (self._z, self._P, self._map_noise), self._learned
-            kernels.predict(*state, dt, learned, self._correlation_time(), self._readings)
+            kernels.predict(*state, dt, learned, TWIST_CORRELATION_TIME, self._readings)
             self._map_noise = np.zeros((3, 3))
         return self.prediction()
-
-    def _correlation_time(self) -> Floats:
-        """Of the twist (3,) [s]: short after a scan without a match, and for a long interval."""
-        is_observed = self._map_noise.any() and self._dt <= MIN_REVERSAL_TIME
-        if is_observed or self._readings[2:, 0].any():
-            return TWIST_CORRELATION_TIME
-        return UNOBSERVED_CORRELATION_TIME
 
     def prediction(self) -> Prediction:
         """The pose of the state as the prior of a match."""

@@ -34,6 +34,8 @@ def test_the_frame_is_taken_out():
     truth = room()
     truth.p[20:30, 40:45] = 1.0
     x, y = truth.origin
+    shifted = OccupancyGrid(truth.p, CELL, (x - 0.3, y + 0.7))
+    assert compare(shifted, truth, Pose2(0.3, -0.7, 0.0))["iou"] == 1.0
     # x of the map looks along the world's y, y against the world's x
     turned = np.ascontiguousarray(truth.p.T[::-1])
     grid = OccupancyGrid(turned, CELL, (y - 2.0, 1.0 - (x + 70 * CELL)))

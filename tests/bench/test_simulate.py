@@ -173,6 +173,7 @@ def test_world_comes_back_from_a_saved_log(tmp_path):
     saved = load(tmp_path / "scans.npz")
     saved.meta["simulated"]["gone"] = 0.5  # an option that there was once
     assert world_of(saved).fingerprint == saved.meta["simulated"]["world"]
+    assert world_of(dataclasses.replace(saved, meta={"name": "other"})) is None
 
 
 def test_a_map_is_driven_through_and_found_again_until_it_changes(tmp_path):

@@ -265,16 +265,6 @@ def test_a_map_that_drifts_with_its_matches_constrains_the_gyro_bias_little():
     assert 4e-4 < math.sqrt(motion._P[kernels.BIAS, kernels.BIAS]) < 1e-3  # rad/s
 
 
-@pytest.mark.parametrize(("axis", "left"), [(0, 0.99), (2, 0.37)])
-def test_a_turn_that_nothing_observes_ends_soon_and_a_drive_does_not(axis, left):
-    motion, rate = MotionFilter(FrontendParams()), 0.5 * np.eye(3)[axis]
-    drive(motion, ((scan(0.1 * k), Pose2(*(0.1 * k * rate))) for k in range(40)))
-    before = motion.predict(scan(4.0)).twist[axis]
-    for k in range(41, 56):
-        after = motion.predict(scan(0.1 * k)).twist[axis]
-    assert after / before == pytest.approx(left, abs=0.01)
-
-
 def test_what_a_scan_does_not_observe_stays_at_the_prediction():
     motion, still = MotionFilter(FrontendParams()), IDENTITY
     drive(motion, ((scan(0.1 * k), still) for k in range(5)))

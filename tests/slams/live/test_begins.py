@@ -1,5 +1,6 @@
 """A node that goes on from a state, or localizes in a map that stays."""
 
+import json
 import signal
 from dataclasses import replace
 
@@ -165,6 +166,7 @@ def test_what_does_not_fit_is_refused(folder, tmp_path):
     for changes, error, sentence in (
         ({"map_start": (0, 0, 0)}, ValueError, "got a pose without a map"),
         ({"state": state, "map": folder / "map.yaml"}, ValueError, "map: got a state"),
+        ({"state": folder / "map.yaml"}, ValueError, "not a state; expected a file of"),
         ({"state": tmp_path / "none"}, OSError, "none"),
         ({"map": folder / "map.yaml"}, TypeError, "odometry cannot localize in a map"),
     ):
@@ -246,4 +248,6 @@ def test_states_and_maps_over_the_network(folder, tmp_path):
     again = ["hector", str(tmp_path / "second.npz"), "-q", *map(str, there)]
     assert run.main([*again, "--out", str(tmp_path / "localized")]) == 0
     assert np.array_equal(trajectory(found), trajectory(tmp_path / "localized"))
+    node = json.loads((found / "summary.json").read_text())["node"]
+    assert node["algorithm"]["explained"] > 0.9
     assert [p.name for p in tmp_path.iterdir() if p.name.startswith(".")] == []
