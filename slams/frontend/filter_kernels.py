@@ -36,6 +36,7 @@ STAMP_STD = 0.01  # s, of one reading against its scan, in addition to the delay
 MIN_MATCH_STD = np.array((0.0002, 0.0002, 0.0001))  # m, m, rad, however many beams a match has
 # m, m, rad, added to a prior: a prior that is too tight would keep scans off the walls of the map
 PRIOR_STD = np.array((0.002, 0.002, 0.001))
+GYRO_BIAS_WALK = 1e-3  # rad/s after one second, bias random walk: more than that of a gyro
 
 
 @njit(inner=True, borrows=True)
@@ -97,7 +98,9 @@ def propagate(z: Floats, P: Floats, dt: float, density: Floats, tau: Floats) -> 
 
     ours: d = tau (1 - exp(-dt / tau)) v, v' = exp(-dt / tau) v, driven by white acceleration of
     `density` (3,) [m^2/s^3, rad^2/s^3]; correlation time tau (3,) [s]. d replaces the last step.
+    The gyro bias walks: what it learned from the first scans, whose map is inexact, is forgotten.
     """
+    P[BIAS, BIAS] += GYRO_BIAS_WALK * GYRO_BIAS_WALK * dt
     for i in range(3):
         T = tau[i]
         decay = math.exp(-dt / T)
