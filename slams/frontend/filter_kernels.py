@@ -36,7 +36,7 @@ STAMP_STD = 0.01  # s, of one reading against its scan, in addition to the delay
 MIN_MATCH_STD = np.array((0.0002, 0.0002, 0.0001))  # m, m, rad, however many beams a match has
 # m, m, rad, added to a prior: a prior that is too tight would keep scans off the walls of the map
 PRIOR_STD = np.array((0.002, 0.002, 0.001))
-GYRO_BIAS_WALK = 1e-3  # rad/s after one second, bias random walk: more than that of a gyro
+GYRO_BIAS_WALK = 1e-3  # rad/s after one second: bias random walk, far above a gyro's own
 
 
 @njit(inner=True, borrows=True)
