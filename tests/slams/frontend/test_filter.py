@@ -257,7 +257,7 @@ def test_a_jump_and_the_way_back_leave_twist_and_calibration(axis, speed, wheels
 
 
 def test_a_map_that_drifts_with_its_matches_constrains_the_gyro_bias_little():
-    """Matches within 2 mrad of a map made of them: random walks of map and bias are left after 5 s."""
+    """Matches within 2 mrad of a map made of them: the walks of map and bias are left after 5 s."""
     motion = MotionFilter(FrontendParams())
     for k in range(51):
         motion.predict(scan(0.1 * k, yaw=0.0))
