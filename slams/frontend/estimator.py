@@ -16,7 +16,14 @@ from slams.frontend.degeneracy import (
 from slams.frontend.filter_kernels import MIN_MATCH_STD, NIS_GATE
 from slams.frontend.motion_filter import MotionFilter, Prediction
 from slams.frontend.params import FrontendParams
-from slams.frontend.ranking import Candidate, MatchedMap, Rematch, best_around, best_of
+from slams.frontend.ranking import (
+    MAX_ROBOT_SPEED,
+    Candidate,
+    MatchedMap,
+    Rematch,
+    best_around,
+    best_of,
+)
 from slams.frontend.relocalize import Relocalizer
 from slams.frontend.update_kernels import MAX_SCAN_DELAY
 from slams.refine.lines import Match
@@ -35,6 +42,7 @@ RELOCALIZED_COVARIANCE = np.diag((0.05**2, 0.05**2, 0.02**2))  # m^2, m^2, rad^2
 MIN_FIRST_POINTS = 10  # end points of the scan that starts a map
 # s without a match, until relocalization starts and scans enter the map by wheels; by laser alone
 MAX_UNMATCHED_TIME, MAX_UNMATCHED_TIME_LASER_ONLY = 1.0, 3.0
+MIN_SHARE_AGAINST_WHEELS = 0.5  # observed; a floor that a tilted laser hits has less
 CONFLICT_WEIGHT = 3.0  # beams in new ground that one beam in conflict outweighs
 MAX_NOISE_CONFLICTS = 0.05  # share of the beams; more are people, smoke or the floor
 
@@ -165,12 +173,18 @@ class PoseEstimator:
         """Whether a match beyond the gate fits well, and a scan can be so late.
 
         The first match has no mean to be compared with: robots start fast, into new ground. Along a
-        degenerate direction only the motion since the last scan is accepted.
+        degenerate direction only the motion since the last scan is accepted, and a farther shift
+        against wheels only if all directions are observed well.
         """
         least = MIN_SCORE_RATIO * self._mean_score if self._has_matched else MIN_RELIABLE_SCORE
         if best.seconds > MAX_SCAN_DELAY or best.match_score < least:
             return False
-        return best.seconds <= self._prior.dt or self._observability(points, best.match).share > 0.0
+        if best.seconds <= self._prior.dt:
+            return True
+        shift = math.hypot(best.match.pose.x - self.pose.x, best.match.pose.y - self.pose.y)
+        is_against_wheels = self._has_odometry and shift > MAX_ROBOT_SPEED * self._prior.dt
+        least_share = MIN_SHARE_AGAINST_WHEELS if is_against_wheels else 0.0
+        return self._observability(points, best.match).share > least_share
 
     def _has_lead(self, best: Candidate, points: EndPoints, grid: MatchedMap) -> bool:
         """Whether the score of a match exceeds 0 and that of the predicted pose."""
