@@ -11,7 +11,7 @@ from gmapping.match_kernels import Posterior
 from gmapping.render_kernels import BeamCounts, is_free
 from gmapping.tile_kernels import Tiles, cell_of, index_in_tile, slot_of
 from slams.geometry import mahalanobis_squared, offset, student_cost
-from slams.jit import FAST, njit
+from slams.jit import njit
 from slams.types import Floats, Pose2
 
 MIN_CLIMB_GAIN = 1e-6  # of the log posterior; a smaller gain may be rounding
@@ -38,7 +38,7 @@ class HitModel(NamedTuple):
     halvings: int
 
 
-@njit(fastmath=FAST, inner=True, borrows=True)  # sums may be regrouped
+@njit(inner=True, borrows=True)
 def distance_cost(
     tiles: Tiles, particle: int, pose: Floats, ends: Floats, scale: float, max_cost: float
 ) -> tuple[float, float]:
@@ -68,7 +68,7 @@ def distance_cost(
     return cost, inliers
 
 
-@njit
+@njit(inner=True)
 def log_posterior(target: Posterior, model: HitModel, k: int, pose: Floats, floor: float) -> float:
     """Log of likelihood x prior of a pose (3,), the k-th; any value below `floor` if not above it.
 
@@ -115,7 +115,7 @@ def climb(target: Posterior, model: HitModel, poses: Floats, out: Floats) -> Non
         out[k] = best
 
 
-@njit
+@njit(inner=True)
 def sample_spacing(
     target: Posterior, model: HitModel, k: int, peak: Floats, spacing: Floats
 ) -> None:
