@@ -219,7 +219,7 @@ def steps(label):
     entry = find(label)
     params = entry.params()
     slam = entry.cls(params.replace(map_size=256) if "original" in label else params)
-    scans = [scan_at((0.02 * k, 0.0, 0.0), laser(91), t=0.05 * k) for k in range(3)]
+    scans = [scan_at((0.1 * k, 0.0, 0.1 * k), laser(91), t=0.1 * k) for k in range(5)]
     return [tuple(map(float, slam.update(scan))) for scan in scans]
 """
 
@@ -235,14 +235,7 @@ def test_kernels_give_the_same_without_the_compiler(label):
 
 
 def test_a_kernel_gives_the_same_bits_whatever_else_is_compiled(tmp_path):
-    """The order of a fast sum may depend on it."""
-    code = """
-from slams.registry import create
-from tests.rooms import laser, scan_at
-slam = create("gmapping@paper")
-poses = [(0.2 * k - 1.0, 0.0, 0.1 * k) for k in range(12)]
-print([slam.update(scan_at(pose, laser(181), t=0.1 * k)) for k, pose in enumerate(poses)])
-"""
+    code = f"{STEPS}\nprint(steps('gmapping@paper'))"  # the order of fast sums may depend on it
     first = python("-c", code, NUMBA_CACHE_DIR=str(tmp_path)).stdout
     for file in tmp_path.rglob("climb_kernels*.nbi"):
         if "evaluate" not in file.name:
