@@ -42,7 +42,7 @@ RELOCALIZED_COVARIANCE = np.diag((0.05**2, 0.05**2, 0.02**2))  # m^2, m^2, rad^2
 MIN_FIRST_POINTS = 10  # end points of the scan that starts a map
 # s without a match, until relocalization starts and scans enter the map by wheels; by laser alone
 MAX_UNMATCHED_TIME, MAX_UNMATCHED_TIME_LASER_ONLY = 1.0, 3.0
-MIN_SHARE_AGAINST_WHEELS = 0.5  # observed; a floor that a tilted laser hits has less
+MIN_SHARE_AGAINST_WHEELS = 0.5  # observed along the worst direction; below it is mostly noise
 CONFLICT_WEIGHT = 3.0  # beams in new ground that one beam in conflict outweighs
 MAX_NOISE_CONFLICTS = 0.05  # share of the beams; more are people, smoke or the floor
 
@@ -182,7 +182,7 @@ class PoseEstimator:
         if best.seconds <= self._prior.dt:
             return True
         shift = math.hypot(best.match.pose.x - self.pose.x, best.match.pose.y - self.pose.y)
-        is_against_wheels = self._has_odometry and shift > MAX_ROBOT_SPEED * self._prior.dt
+        is_against_wheels = self._prior.wheels and shift > MAX_ROBOT_SPEED * self._prior.dt
         least_share = MIN_SHARE_AGAINST_WHEELS if is_against_wheels else 0.0
         return self._observability(points, best.match).share > least_share
 
