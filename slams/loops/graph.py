@@ -33,6 +33,10 @@ def pose_distance(one: Pose2, other: Pose2) -> float:
     return position_distance(one, other) + HEADING_LEVER_ARM * rotation
 
 
+# of m loops: indices of keyframes (m, 2), poses (m, 3), information and covariances (m, 3, 3)
+Stacked = tuple[NDArray[np.int64], Floats, Floats, Floats]
+
+
 class LoopEdge(NamedTuple):
     """The pose of keyframe `later` in the frame of `earlier`, with its information (3, 3)."""
 
@@ -53,6 +57,7 @@ class PoseGraph:
         self.poses, self.path = np.zeros((0, 3)), np.zeros(0)
         self.loops: list[LoopEdge] = []
         self._steps, self._variances = np.zeros((0, 3)), np.zeros((0, 3))
+        self._stacked = self._stack()
 
     @property
     def n(self) -> int:
@@ -85,10 +90,10 @@ class PoseGraph:
         Each covariance is summed along the path of least variance through steps and loops, the
         "Dijkstra projection" of [Olson08].
         """
-        n, (loops, _, information) = self.n, self._stacked_loops()
+        n, (loops, _, _, noise) = self.n, self._stacked_loops()
         k, variances = np.arange(n - 1), self._variances[1:]
         pairs, first = np.unique(loops @ (n, 1), return_index=True)  # csr_array adds equal edges
-        loops, noise = loops[first], np.asarray(np.linalg.inv(information[first]), np.float64)
+        loops, noise = loops[first], noise[first]
         weights = np.array((1.0, 1.0, HEADING_LEVER_ARM**2))
         costs = variances @ weights, np.diagonal(noise, axis1=1, axis2=2) @ weights
         rows, columns = np.append(k, loops[:, 0]), np.append(k + 1, loops[:, 1])
@@ -113,7 +118,7 @@ class PoseGraph:
         [Grisetti10] sec. III. A residual is the difference of position and heading, in the frame
         of the earlier keyframe.
         """
-        n, poses, (loops, loop_poses, information) = self.n, self.poses, self._stacked_loops()
+        n, poses, (loops, loop_poses, information, _) = self.n, self.poses, self._stacked_loops()
         k = np.arange(n - 1)
         i, j = np.append(k, loops[:, 0]), np.append(k + 1, loops[:, 1])
         measured = np.concatenate([self._steps[1:], loop_poses])
@@ -143,13 +148,18 @@ class PoseGraph:
         poses[:, 2] = wrap_angle(poses[:, 2])
         return float(np.abs(change).max())
 
-    def _stacked_loops(self) -> tuple[NDArray[np.int64], Floats, Floats]:
-        """Keyframe indices (m, 2), poses (m, 3) and information (m, 3, 3) of all loops."""
+    def _stacked_loops(self) -> Stacked:
+        """All loops as arrays; they are stacked anew after a loop was added."""
+        if len(self._stacked[0]) != len(self.loops):
+            self._stacked = self._stack()
+        return self._stacked
+
+    def _stack(self) -> Stacked:
         keyframes = [(edge.earlier, edge.later) for edge in self.loops]
         poses = np.array([edge.pose for edge in self.loops], np.float64)
-        information = np.array([edge.information for edge in self.loops], np.float64)
+        information = np.array([edge.information for edge in self.loops]).reshape(-1, 3, 3)
         indices = np.array(keyframes, np.int64).reshape(-1, 2)
-        return indices, poses.reshape(-1, 3), information.reshape(-1, 3, 3)
+        return indices, poses.reshape(-1, 3), information, np.asarray(np.linalg.inv(information))
 
 
 def _linearized(a: Floats, b: Floats, measured: Floats) -> tuple[Floats, Floats, Floats]:

@@ -82,8 +82,8 @@ class Looped:
         self._previous_step = IDENTITY
         self._map_poses: list[Pose2] = []  # of all keyframes, in the algorithm's map
         self._keyframe_pose = IDENTITY  # of the last keyframe, in the algorithm's map
-        self._start_variances = self._max_variances = np.zeros(3)  # at the last keyframe, and since
-        self._jump_variance = 0.0  # m^2 of pose jumps since the last keyframe
+        self._keyframe_variances = np.zeros(3)  # of the last keyframe's pose against the map
+        self._jump = np.zeros(2)  # m, sum of the pose jumps since the last keyframe
         self._steps: list[tuple[int, Pose2]] = []  # of each scan from keyframe k; -1: from the map
         self._n_redrawn = 0
 
@@ -145,11 +145,10 @@ class Looped:
         return slam
 
     def _follow(self, scan: Scan, pose: Pose2) -> None:
-        """Track the variances since the last keyframe, and jumps of the algorithm's pose.
+        """Track jumps of the algorithm's pose.
 
         A jump that is verified as a loop becomes a loop edge; the step is then that of the wheels.
         """
-        self._max_variances = np.maximum(self._max_variances, self._variances(pose.theta))
         if self._previous is None:
             return
         previous_scan, previous = self._previous
@@ -167,7 +166,8 @@ class Looped:
         if is_measured and position_distance(expected, predicted) <= MIN_POSE_JUMP:
             edge = self._detector.verify_jump(self._map_poses, moved)
         if edge is None:
-            self._jump_variance += jump * jump
+            reached = previous @ expected
+            self._jump += (pose.x - reached.x, pose.y - reached.y)  # a delayed scan jumps back
         else:
             self.graph.loops.append(edge)
             self._keyframe_pose, self._is_optimizing = moved, True
@@ -198,16 +198,15 @@ class Looped:
         if key.ends.shape[1] < 20:  # end points, too few to be matched
             return
         variances = np.array(BASE_STEP_STD) ** 2
-        variances[:2] += p.drift**2 * distance + self._jump_variance
+        variances[:2] += p.drift**2 * distance + float(self._jump @ self._jump)
         variances[2] += p.heading_drift**2 * (distance + abs(step.theta))
         now = self._variances(pose.theta)
-        # rise and fall: a match with an older part of the map moves the pose by what they fall
-        variances += 2.0 * self._max_variances - self._start_variances - now
+        # a match with an older part of the map moves the pose by what they fall
+        variances += np.abs(now - self._keyframe_variances)
         self.graph.append(step, variances)
         self.keyframes.append(key)
         self._map_poses.append(pose)
-        self._keyframe_pose, self._jump_variance = pose, 0.0
-        self._start_variances = self._max_variances = now
+        self._keyframe_pose, self._keyframe_variances, self._jump = pose, now, np.zeros(2)
 
     def _twist(self, scan: Scan, pose: Pose2) -> Pose2:
         """The body twist since the previous scan [m/s, rad/s]."""
