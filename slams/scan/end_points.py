@@ -13,13 +13,14 @@ from slams.scan.leveling import Leveling
 from slams.scan.moving_average import MovingAverage
 from slams.scan.params import ScanParams
 from slams.scan.scan_kernels import Points, ScanResolution
-from slams.types import IDENTITY, Laser, Pose2, Scan
+from slams.types import IDENTITY, Laser, Pose2, Ranges, Scan
 
 MAX_CHORD = 0.1  # m between two neighbors of a beam: a wall between them is straight
 MIN_GAP_THRESHOLD = 0.1  # m between neighbors of one surface
 GAP_DEVIATIONS = 6.0  # of the noise between two neighbors of one surface
 WINDOW_DEVIATIONS = 6.0  # of the noise in half a window: normals are good to 0.1 rad
 OUTLIER_DEVIATIONS = 3.0  # of the noise: a beam farther from its neighbors' line is off their wall
+MAX_ROUNDING_ERROR = 0.05  # of the step, of ranges that are multiples of it
 MIN_NOISE_SAMPLES = 10  # triples of beams that an estimate of the noise needs
 TRUNCATED_MEDIAN = 0.6724  # median absolute normal deviate within `OUTLIER_DEVIATIONS`
 CHORD_DISTANCE_STD = math.sqrt(1.5)  # of a beam minus the mean of two others, per beam's deviation
@@ -45,7 +46,9 @@ class EndPoints:
         self.n = 0
         self.radius = 0.0
         self._noise = MovingAverage(NOISE_MEAN_TIME, params.range_noise)
-        self._noises: dict[Pose2, MovingAverage] = {}  # of each laser, by its mount
+        self._rounding_step = 0.0
+        # of each laser, by its mount: the noise, and the step that its ranges are rounded to
+        self._noises: dict[Pose2, tuple[MovingAverage, float]] = {}
         self._interval, self._t = MovingAverage(INTERVAL_MEAN_TIME), math.inf
         self._has_moments = self._has_normals = self._has_chords = False
         self.resolution = ScanResolution(self.noise, params.normal_window, MIN_GAP_THRESHOLD)
@@ -61,7 +64,7 @@ class EndPoints:
         """Read a scan and deskew it by the `velocity` of the base [m/s, rad/s]."""
         laser = scan.laser
         if laser is not self._laser:
-            self._adopt(laser, len(scan.ranges))
+            self._adopt(laser, scan.ranges)
         self._has_moments = self._has_normals = self._has_chords = False
         self.n, self.radius = kernels.end_points(
             scan.ranges, self._directions, laser.mount, self._limits, self.points
@@ -143,11 +146,14 @@ class EndPoints:
         """Add the noise of this scan, by the median distance of beams from a line of neighbors."""
         if self._noise.is_fresh(t):
             return
-        distances, limit = self._scratch[0], OUTLIER_DEVIATIONS * self.noise
+        distances, step = self._scratch[0], self._rounding_step
+        limit = max(OUTLIER_DEVIATIONS * self.noise, 1.5 * step)
         count = kernels.beyond_chords(self.points, self.n, self.mount, MAX_CHORD, limit, distances)
         if count >= MIN_NOISE_SAMPLES:
             half = count // 2
             median = float(np.partition(distances[:count], half)[half])
+            if median < 0.5 * step:  # most are rounded to 0: the median of grouped data
+                median = 0.25 * step * count / int((distances[:count] < 0.5 * step).sum())
             noise = median / (TRUNCATED_MEDIAN * CHORD_DISTANCE_STD)
             self._noise.add(min(max(noise, self.params.quietest), self.params.noisiest), t)
 
@@ -157,12 +163,14 @@ class EndPoints:
             self._interval.add(min(t - self._t, MAX_COUNTED_INTERVAL), t)
         self._t = t
 
-    def _adopt(self, laser: Laser, n_beams: int) -> None:
-        self._laser, self.step = laser, abs(laser.angle_increment)
+    def _adopt(self, laser: Laser, ranges: Ranges) -> None:
+        self._laser, self.step, n_beams = laser, abs(laser.angle_increment), len(ranges)
         if len(self._noises) == MAX_LASERS and laser.mount not in self._noises:
             self._noises.clear()
-        noise = MovingAverage(NOISE_MEAN_TIME, self.params.range_noise)
-        self._noise = self._noises.setdefault(laser.mount, noise)
+        if laser.mount not in self._noises:
+            noise = MovingAverage(NOISE_MEAN_TIME, self.params.range_noise)
+            self._noises[laser.mount] = noise, rounding_step(ranges)
+        self._noise, self._rounding_step = self._noises[laser.mount]
         self._directions = laser.directions
         self.has_sweep = self.params.deskew and laser.time_increment > 0.0
         self._limits = max(self.params.min_range, laser.range_min), self.params.max_range
@@ -174,6 +182,16 @@ class EndPoints:
         self._scratch = np.zeros((3, n_beams))
         self._chords = np.zeros((3, n_beams))
         self._moments = np.zeros((6, n_beams + 1))
+
+
+def rounding_step(ranges: Ranges) -> float:
+    """The step that all ranges (n,) [m] are rounded to [m]; 0 if they are not, or are too few."""
+    values = np.unique(ranges[np.isfinite(ranges)]).astype(np.float64)
+    if len(values) <= MIN_NOISE_SAMPLES:
+        return 0.0
+    step = float(np.diff(values).min())
+    multiples = (values - values[0]) / step
+    return step if np.abs(multiples - np.round(multiples)).max() < MAX_ROUNDING_ERROR else 0.0
 
 
 def pose_distance(points: EndPoints, one: Pose2, other: Pose2) -> float:
