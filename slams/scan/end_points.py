@@ -20,7 +20,7 @@ MIN_GAP_THRESHOLD = 0.1  # m between neighbors of one surface
 GAP_DEVIATIONS = 6.0  # of the noise between two neighbors of one surface
 WINDOW_DEVIATIONS = 6.0  # of the noise in half a window: normals are good to 0.1 rad
 OUTLIER_DEVIATIONS = 3.0  # of the noise: a beam farther from its neighbors' line is off their wall
-MAX_ROUNDING_ERROR = 0.05  # of the step, of ranges that are multiples of it
+ROUNDING_UNIT = 1e-4  # m, of which rounded ranges are multiples; above the error of a float32
 MIN_NOISE_SAMPLES = 10  # triples of beams that an estimate of the noise needs
 TRUNCATED_MEDIAN = 0.6724  # median absolute normal deviate within `OUTLIER_DEVIATIONS`
 CHORD_DISTANCE_STD = math.sqrt(1.5)  # of a beam minus the mean of two others, per beam's deviation
@@ -185,13 +185,15 @@ class EndPoints:
 
 
 def rounding_step(ranges: Ranges) -> float:
-    """The step that all ranges (n,) [m] are rounded to [m]; 0 if they are not, or are too few."""
+    """The step that all ranges (n,) [m] are rounded to [m]: their greatest common divisor.
+
+    At least `ROUNDING_UNIT`, the step of ranges that are not rounded, or are too few.
+    """
     values = np.unique(ranges[np.isfinite(ranges)]).astype(np.float64)
     if len(values) <= MIN_NOISE_SAMPLES:
-        return 0.0
-    step = float(np.diff(values).min())
-    multiples = (values - values[0]) / step
-    return step if np.abs(multiples - np.round(multiples)).max() < MAX_ROUNDING_ERROR else 0.0
+        return ROUNDING_UNIT
+    multiples = np.round(np.diff(values) / ROUNDING_UNIT).astype(np.int64)
+    return ROUNDING_UNIT * max(int(np.gcd.reduce(multiples)), 1)
 
 
 def pose_distance(points: EndPoints, one: Pose2, other: Pose2) -> float:

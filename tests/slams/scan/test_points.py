@@ -8,7 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slams.scan import scan_kernels
-from slams.scan.end_points import OUTLIER_DEVIATIONS, TRUNCATED_MEDIAN, EndPoints
+from slams.scan.end_points import (
+    OUTLIER_DEVIATIONS,
+    ROUNDING_UNIT,
+    TRUNCATED_MEDIAN,
+    EndPoints,
+    rounding_step,
+)
 from slams.scan.moving_average import MovingAverage
 from slams.scan.params import ScanParams
 from slams.types import IDENTITY, Laser, Pose2, Scan
@@ -90,6 +96,22 @@ def test_noise_is_what_is_left_of_straight_walls():
         for k in range(30):
             ends.read(scan_at((0.0, 0.0, 0.0), lidar, noise=noise, rng=rng, t=0.1 * k), IDENTITY)
         assert ends.noise == pytest.approx(found, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("noise", "step", "expected"),
+    [(0.0, 0.1, 0.029), (0.05, 0.1, 0.058), (0.1, 0.05, 0.101), (0.01, 0.001, 0.01)],
+)
+def test_noise_of_rounded_ranges_is_theirs_and_that_of_the_rounding(noise, step, expected):
+    rng, lidar, ends = np.random.default_rng(0), laser(1441), EndPoints(ScanParams())
+    for k in range(30):
+        ranges = scan_at((0.1, 0.2, 0.3), lidar, noise=noise, rng=rng).ranges
+        rounded = (step * np.round(ranges / step)).astype(np.float32)
+        assert rounding_step(ranges) == ROUNDING_UNIT
+        assert rounding_step(rounded) == pytest.approx(step)
+        ends.read(Scan(0.1 * k, rounded, lidar), IDENTITY)
+    assert ends.noise == pytest.approx(expected, rel=0.15)
+    assert rounding_step(rounded[:5]) == ROUNDING_UNIT
 
 
 def test_the_median_is_that_of_a_normal_deviate_that_is_no_outlier():
