@@ -15,7 +15,7 @@ from slams.scan.params import ScanParams
 from slams.scan.scan_kernels import Points, ScanResolution
 from slams.types import IDENTITY, Laser, Pose2, Ranges, Scan
 
-MAX_CHORD = 0.1  # m between two neighbors of a beam: a wall between them is straight
+MAX_CHORD = 0.1  # m between two neighbors of a beam, or as far as beams are apart on a slanted wall
 MIN_GAP_THRESHOLD = 0.1  # m between neighbors of one surface
 GAP_DEVIATIONS = 6.0  # of the noise between two neighbors of one surface
 WINDOW_DEVIATIONS = 6.0  # of the noise in half a window: normals are good to 0.1 rad
@@ -148,7 +148,8 @@ class EndPoints:
             return
         distances, step = self._scratch[0], self._rounding_step
         limit = max(OUTLIER_DEVIATIONS * self.noise, 1.5 * step)
-        count = kernels.beyond_chords(self.points, self.n, self.mount, MAX_CHORD, limit, distances)
+        scan = self.points, self.n, self.mount, self.step
+        count = kernels.beyond_chords(*scan, MAX_CHORD, limit, distances)
         if count >= MIN_NOISE_SAMPLES:
             half = count // 2
             median = float(np.partition(distances[:count], half)[half])

@@ -15,6 +15,7 @@ Points = NDArray[np.float64]
 
 NORMALS_PER_HALF_WINDOW = 8  # end points between two of these share a normal
 N_NEIGHBORS, MIN_CLOSE_NEIGHBORS = 4, 2  # end points to either side; close ones of a surface
+MAX_CHORD_SPACING = 2.0  # of the beams, between two neighbors: a wall at 60 degrees of incidence
 MIN_OBJECT_WIDTH = 0.15  # m of an object that the isolated-point filter has to leave
 
 
@@ -111,16 +112,25 @@ def jumps(points: Points, i: int, mount: Pose2, step: float, gap_threshold: floa
 
 @njit
 def beyond_chords(
-    points: Points, n: int, mount: Pose2, max_chord: float, max_distance: float, out: Floats
+    points: Points,
+    n: int,
+    mount: Pose2,
+    step: float,
+    max_chord: float,
+    max_distance: float,
+    out: Floats,
 ) -> int:
     """Distances of end points from the line through both neighbors [m], out (>= n,); their number.
 
-    ours: on a wall these distances are noise. Every third end point is used, if its neighbors are
-    within `max_chord` [m] and the line is within `max_distance` [m]: else it is off their wall.
+    ours: on a wall these distances are noise. Every third end point is used, if the line is within
+    `max_distance` [m], else it is off their wall, and its neighbors are within `max_chord` [m] or
+    twice the spacing of their beams there. points (3, >= n), `step` [rad] between two beams.
     """
     count = 0
     for i in range(1, n - 1, 3):
-        if square_gap(points, i - 1, i + 1) < max_chord * max_chord:
+        x, y = points[0, i] - mount.x, points[1, i] - mount.y
+        angle = MAX_CHORD_SPACING * step * (points[2, i + 1] - points[2, i - 1])
+        if square_gap(points, i - 1, i + 1) < max_chord**2 + angle * angle * (x * x + y * y):
             distance = abs(beyond_chord(points, i - 1, i, i + 1, mount))
             if distance < max_distance:
                 out[count] = distance

@@ -85,10 +85,15 @@ def test_a_point_is_brought_along_the_arc_to_the_middle_of_the_sweep():
 def test_noise_is_what_is_left_of_straight_walls():
     rng, wall = np.random.default_rng(0), np.linspace(-1.0, 1.0, 301)
     points = np.stack([np.full(301, 2.0), wall, np.arange(301.0)])
-    assert scan_kernels.beyond_chords(points.copy(), 301, IDENTITY, 0.1, 0.1, np.zeros(301)) == 100
-    assert scan_kernels.beyond_chords(points.copy(), 301, IDENTITY, 0.01, 0.1, np.zeros(301)) == 0
+    assert (
+        scan_kernels.beyond_chords(points.copy(), 301, IDENTITY, 0.0, 0.1, 0.1, np.zeros(301))
+        == 100
+    )
+    assert (
+        scan_kernels.beyond_chords(points.copy(), 301, IDENTITY, 0.0, 0.01, 0.1, np.zeros(301)) == 0
+    )
     out = np.zeros(301)
-    scan_kernels.beyond_chords(points, 301, Pose2(0.5, 0.3, 0.0), 0.1, 0.1, out)
+    scan_kernels.beyond_chords(points, 301, Pose2(0.5, 0.3, 0.0), 0.0, 0.1, 0.1, out)
     assert np.abs(out).max() < 1e-12
     lidar = laser(1441)
     for noise, found in ((0.02, 0.02), (0.3, 0.15), (0.0, 0.001)):
@@ -139,8 +144,9 @@ def noisy(beams, noise):
     return ends
 
 
-def test_beams_far_apart_give_no_noise():
+def test_noise_needs_ten_beams_whose_neighbors_are_no_farther_apart_than_on_a_slanted_wall():
     assert noisy(31, 0.06).noise == ScanParams().range_noise
+    assert noisy(91, 0.06).noise == pytest.approx(0.06, rel=0.15)
 
 
 def test_normals_are_those_of_a_total_least_squares_fit():
