@@ -190,10 +190,10 @@ def rounding_step(ranges: Ranges) -> float:
 
     At least `ROUNDING_UNIT`, the step of ranges that are not rounded, or are too few.
     """
-    values = np.unique(ranges[np.isfinite(ranges)]).astype(np.float64)
-    if len(values) <= MIN_NOISE_SAMPLES:
+    gaps = np.diff(ranges[np.isfinite(ranges)].astype(np.float64))
+    multiples = np.round(gaps / ROUNDING_UNIT).astype(np.int64)
+    if np.count_nonzero(multiples) < MIN_NOISE_SAMPLES:
         return ROUNDING_UNIT
-    multiples = np.round(np.diff(values) / ROUNDING_UNIT).astype(np.int64)
     return ROUNDING_UNIT * max(int(np.gcd.reduce(multiples)), 1)
 
 
