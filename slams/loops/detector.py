@@ -81,13 +81,16 @@ class LoopDetector:
         self._checked: list[int] = []  # keyframes that were matched to check the hypothesis
         self._unmatched = 0  # keyframes of these that did not match where predicted
         self._last_query_path = 0.0  # [m]
+        self._n_searched = 0  # keyframes of the graph when no query was due
 
     def work(self, n_candidates: int = 1) -> list[LoopEdge]:
         """Match with at most `n_candidates`; returns the loops that are accepted now."""
         for _ in range(n_candidates):
-            self._query = self._query or self._next_query()
+            if self._query is None and self._n_searched < self._graph.n:
+                self._query = self._next_query()
             query = self._query
             if query is None:
+                self._n_searched = self._graph.n  # nothing is due until the next keyframe
                 break
             self._match(query, query.candidates.pop(0))
             if not query.candidates:
