@@ -88,8 +88,7 @@ class LoopDetector:
         for _ in range(n_candidates):
             if self._query is None and self._n_searched < self._graph.n:
                 self._query = self._next_query()
-            query = self._query
-            if query is None:
+            if (query := self._query) is None:
                 self._n_searched = self._graph.n  # nothing is due until the next keyframe
                 break
             self._match(query, query.candidates.pop(0))
