@@ -8,13 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slams.scan import scan_kernels
-from slams.scan.end_points import (
-    OUTLIER_DEVIATIONS,
-    ROUNDING_UNIT,
-    TRUNCATED_MEDIAN,
-    EndPoints,
-    rounding_step,
-)
+from slams.scan.end_points import ROUNDING_UNIT, EndPoints, rounding_step
 from slams.scan.moving_average import MovingAverage
 from slams.scan.params import ScanParams
 from slams.types import IDENTITY, Laser, Pose2, Scan
@@ -117,12 +111,6 @@ def test_noise_of_rounded_ranges_is_theirs_and_that_of_the_rounding(noise, step,
         ends.read(Scan(0.1 * k, rounded, lidar), IDENTITY)
     assert ends.noise == pytest.approx(expected, rel=0.15)
     assert rounding_step(rounded[:5]) == ROUNDING_UNIT
-
-
-def test_the_median_is_that_of_a_normal_deviate_that_is_no_outlier():
-    deviates = np.abs(np.random.default_rng(0).normal(size=2_000_000))
-    found = np.median(deviates[deviates < OUTLIER_DEVIATIONS])
-    assert found == pytest.approx(TRUNCATED_MEDIAN, abs=0.001)
 
 
 def test_what_is_no_wall_is_no_noise():
