@@ -99,7 +99,13 @@ def test_noise_is_what_is_left_of_straight_walls():
 
 @pytest.mark.parametrize(
     ("noise", "step", "expected"),
-    [(0.0, 0.1, 0.029), (0.05, 0.1, 0.058), (0.1, 0.05, 0.101), (0.01, 0.001, 0.01)],
+    [
+        (0.0, 0.1, 0.029),
+        (0.05, 0.1, 0.058),
+        (0.1, 0.2, 0.115),
+        (0.1, 0.05, 0.101),
+        (0.01, 1e-3, 0.01),
+    ],
 )
 def test_noise_of_rounded_ranges_is_theirs_and_that_of_the_rounding(noise, step, expected):
     rng, lidar, ends = np.random.default_rng(0), laser(1441), EndPoints(ScanParams())
