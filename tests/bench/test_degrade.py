@@ -70,6 +70,13 @@ def test_clean_is_the_log_itself_and_everything_else_says_what_was_done():
     assert twice.laser.n_beams == 45 and "degraded" not in log.meta
 
 
+def test_draws_of_two_degradations_have_nothing_to_do_with_each_other():
+    log = plain(40)
+    lost = np.isfinite(degrade(log, "dropout", 50, 1).ranges)
+    cut = degrade(log, "short", 50, 1).ranges < log.ranges
+    assert abs(np.corrcoef(lost.ravel(), cut.ravel())[0, 1]) < 0.05
+
+
 NOISE = "standard deviation of Gaussian noise added to each reading"
 
 

@@ -3,13 +3,15 @@
 import base64
 import re
 from html.parser import HTMLParser
+from itertools import combinations
 
+import cv2
 import numpy as np
 import pytest
 
 from bench.judge import loss, metrics, verdicts
 from bench.report import figures, outputs, tables
-from bench.report.palette import UNKNOWN_SHADE, shade
+from bench.report.palette import COLORS, UNKNOWN_SHADE, shade
 from bench.report.pareto import Point, front
 from bench.results import Comparison, LogResult, Outcome, Reference
 from bench.run.cases import Choice, facts, failed, replayed
@@ -299,3 +301,15 @@ def test_the_front_has_those_that_none_beats_in_both():
     cheap, good = Point("a", 1.0, 5.0, False), Point("b", 2.0, 1.0, False)
     worse = [Point("c", 2.0, 5.0, False), Point("d", 3.0, 1.0, False), Point("e", 0.1, 0.1, True)]
     assert front([*worse, good, cheap]) == [cheap, good]
+
+
+def test_colors_are_easily_distinguished():
+    apart = [difference(a, b) for a, b in combinations(COLORS, 2)]
+    assert min(apart) > 20.0, "a distance in CIELAB"
+
+
+def difference(a, b):
+    """Distance of two colors in CIELAB."""
+    image = np.array([[[int(c[k : k + 2], 16) / 255 for k in (1, 3, 5)] for c in (a, b)]])
+    one, other = cv2.cvtColor(image.astype(np.float32), cv2.COLOR_RGB2LAB)[0]
+    return float(np.linalg.norm(one - other))

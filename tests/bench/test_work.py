@@ -104,6 +104,14 @@ def test_one_process_two_processes_and_merged_stores_leave_the_same_bytes(tmp_pa
     assert merged.cost(toys(1)[0].key).keys() == {"pid"}
 
 
+def test_processes_stay_for_many_tasks(tmp_path):
+    log = tmp_path / "log"
+    do(toys(12, log=str(log)), Store(tmp_path / "store"), 2)
+    pids = {line.split()[1] for line in log.read_text().splitlines()}
+    assert len(pids) <= 2
+    assert str(os.getpid()) not in pids
+
+
 def test_a_task_that_ends_its_process_is_not_kept_and_the_others_do_not_notice(tmp_path):
     store, deadly = Store(tmp_path / "store"), toy("exits", n=-1)
     found = do([deadly, *toys(4)], store)

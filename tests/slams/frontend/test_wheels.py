@@ -16,6 +16,7 @@ from slams.frontend.ranking import Candidate
 from slams.frontend.wheels import WheelSteps
 from slams.refine.lines import Match
 from slams.types import IDENTITY, Pose2
+from tests.rooms import LIDAR, scan_at, settled
 from tests.slams.frontend.test_filter import SHARP, scan
 from tests.slams.frontend.test_parts import Standing
 
@@ -82,6 +83,16 @@ def test_late_stamps_widen_the_prior_by_the_distance_driven_meanwhile():
         wide.append(np.sqrt(np.diag(prior.covariance)))
     assert wide[1][0] > 1.3 * wide[0][0]  # half a meter a second, 9 ms
     assert wide[1][1] == pytest.approx(wide[0][1], rel=0.3)
+
+
+def test_against_wheels_a_good_match_is_taken_only_where_a_robot_gets_in_half_a_second():
+    for turn, state in ((0.35, "matched"), (1.3, "predicted")):
+        slam = settled("hector", 30, odometry=IDENTITY)
+        turned = Pose2(0.0, 0.0, turn)  # wheels that slipped, once
+        for k in range(30, 35):
+            pose = slam.update(scan_at(turned, LIDAR, t=0.1 * k, odometry=IDENTITY))
+            assert slam.state == state
+        assert pose == pytest.approx(turned if state == "matched" else IDENTITY, abs=0.02)
 
 
 def test_a_score_is_that_of_scan_and_prior():
