@@ -158,10 +158,9 @@ class PoseEstimator:
             return True
         # among people or in smoke the match score hardly depends on the pose
         is_doubtful = best.conflicts > MAX_NOISE_CONFLICTS and best.mahalanobis_squared > NIS_GATE
+        is_refused = is_doubtful and not self._has_lead(best, points, grid)
         is_beyond_gate = best.mahalanobis_squared > MATCH_GATE
-        if (is_doubtful and not self._has_lead(best, points, grid)) or (
-            is_beyond_gate and not self._within_motion_bound(best, points, grid)
-        ):
+        if is_refused or (is_beyond_gate and not self._within_motion_bound(best, points, grid)):
             if best.score >= MIN_RELIABLE_SCORE:
                 self._filter.inflate(REJECTION_INFLATION)
             return False

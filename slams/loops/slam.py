@@ -201,7 +201,7 @@ class Looped:
         variances[:2] += p.drift**2 * distance + float(self._jump @ self._jump)
         variances[2] += p.heading_drift**2 * (distance + abs(step.theta))
         now = self._variances(pose.theta)
-        # a match with an older part of the map moves the pose by what they fall
+        # a match with an older part of the map moves the pose as far as these deviations fall
         variances += np.abs(now - self._keyframe_variances)
         self.graph.append(step, variances)
         self.keyframes.append(key)

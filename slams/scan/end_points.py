@@ -166,9 +166,9 @@ class EndPoints:
 
     def _adopt(self, laser: Laser, ranges: Ranges) -> None:
         self._laser, self.step, n_beams = laser, abs(laser.angle_increment), len(ranges)
-        if len(self._noises) == MAX_LASERS and laser.mount not in self._noises:
-            self._noises.clear()
         if laser.mount not in self._noises:
+            if len(self._noises) == MAX_LASERS:
+                self._noises.clear()
             noise = MovingAverage(NOISE_MEAN_TIME, self.params.range_noise)
             self._noises[laser.mount] = noise, rounding_step(ranges)
         self._noise, self._rounding_step = self._noises[laser.mount]
