@@ -33,17 +33,17 @@ def pieces(points: Points, normals: Points, n: int, mount: Pose2, grain: float, 
 
     ours: a piece has the mean of its end points and normals. A piece without normals faces the
     laser: a post or a door frame constrains the position along a corridor. A piece seen edge-on is
-    left out. points, normals (2 or 3, >= n) as in `EndPoints`; out (>= n, 5) rows x, y [m], nx, ny,
-    number of beams; returns the number of pieces.
+    left out. points (4, >= n), normals (2, >= n) as in `EndPoints`; out (>= n, 5) rows x, y [m],
+    nx, ny, sum of the weights of its beams; returns the number of pieces.
     """
     count, i = 0, 0
     while i < n:
-        first, x, y, nx, ny, beams = i, 0.0, 0.0, 0.0, 0.0, 0
+        first, x, y, nx, ny, beams, weight = i, 0.0, 0.0, 0.0, 0.0, 0, 0.0
         while i < n:
             dx, dy = points[0, i] - points[0, first], points[1, i] - points[1, first]
             if beams > 0 and dx * dx + dy * dy >= grain * grain:
                 break
-            x, y, beams = x + dx, y + dy, beams + 1
+            x, y, beams, weight = x + dx, y + dy, beams + 1, weight + points[3, i]
             nx, ny = nx + normals[0, i], ny + normals[1, i]
             i += 1
         x, y = points[0, first] + x / beams, points[1, first] + y / beams
@@ -60,6 +60,6 @@ def pieces(points: Points, normals: Points, n: int, mount: Pose2, grain: float, 
                 continue
             nx, ny = bx / far, by / far
         out[count, 0], out[count, 1], out[count, 2], out[count, 3] = x, y, nx, ny
-        out[count, 4] = beams
+        out[count, 4] = weight
         count += 1
     return count

@@ -88,7 +88,7 @@ def kernels():
 def test_an_algorithm_imports_only_itself_and_the_interface(name):
     parts = {
         "slams": "types params jit geometry grid_bounds cells scan refine",
-        "slams.scan": "end_points params leveling scan_kernels tilt_kernels",
+        "slams.scan": "end_points params leveling noise_kernels scan_kernels tilt_kernels",
         "slams.refine": "lines params",
         "slams.frontend": "confident correlative degeneracy keyframes motion_filter params plain",
     }

@@ -6,7 +6,8 @@ import math
 from typing import NamedTuple
 
 from slams.jit import FAST, njit
-from slams.scan.scan_kernels import Points, beyond_chord
+from slams.scan.noise_kernels import beyond_chord
+from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2
 
 MAX_SURFACE_GAP_BEAMS, MAX_SURFACE_GAP = 3.0, 0.3  # beams, m: a gap above both ends a surface
@@ -145,7 +146,7 @@ def fit_surfaces(
     are far apart may lie on a wall of any direction. With a normal towards the laser the element
     would move with the robot, so it has no normal (0, 0) or is left out.
 
-    points (3, n), sums (6, n + 1) of `scan_moments`, firsts (n + 1,) of `find_runs`. out_surfaces
+    points (4, n), sums (6, n + 1) of `scan_moments`, firsts (n + 1,) of `find_runs`. out_surfaces
     (n, 8): x, y [m], normal x, y (towards the laser), information [1/m2] of its beams, index of
     its hit, number of its beams, 1 if the hits are dense enough to determine the normal.
     """
@@ -162,7 +163,7 @@ def fit_surfaces(
         center = k + stride // 2
         rx, ry = beams.mount_x - points[0, center], beams.mount_y - points[1, center]
         r = math.sqrt(rx * rx + ry * ry) + 1e-9
-        isolated = False
+        isolated, noise_variance = False, rule.noise * rule.noise / points[3, center]
         if last - first >= 3:
             while True:
                 mx, my, nx, ny, variance = fit_best_line(sums, center, half, first, last, flat)
@@ -174,14 +175,14 @@ def fit_surfaces(
         else:
             isolated = step_length > rule.max_gap
             mx, my, nx, ny = points[0, center], points[1, center], rx / r, ry / r
-            variance = 9.0 * rule.noise * rule.noise
+            variance = 9.0 * noise_variance
         cosine = (rx * nx + ry * ny) / r
         if cosine < 0.0:
             nx, ny, cosine = -nx, -ny, -cosine
         offset = nx * (points[0, center] - mx) + ny * (points[1, center] - my)
         blur = rule.beam_width * step_length
         oblique = blur * blur * max(1.0 - cosine * cosine, 0.0)
-        floor = rule.noise * rule.noise * max(cosine * cosine, 0.04) + oblique
+        floor = noise_variance * max(cosine * cosine, 0.04) + oblique
         if cosine > 0.05 and (rule.keep_isolated or not isolated):
             dense = MIN_HALF_WINDOW_HITS * step_length < rule.window
             out_surfaces[n_elements, 0] = points[0, center] - offset * nx

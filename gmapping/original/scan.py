@@ -20,6 +20,6 @@ def end_points(scan: Scan, offset: float, max_range: float) -> tuple[Floats, flo
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     min_range = math.nextafter(laser.range_min, -math.inf)  # the program also uses range_min itself
     limits = min_range, min(laser.range_max, max_range)
-    out = np.empty((3, laser.n_beams))
-    n, radius = kernels.end_points(scan.ranges, directions, laser.mount, limits, out)
+    out = np.empty((4, laser.n_beams))
+    n, radius = kernels.end_points(scan.ranges, directions, laser.mount, limits, 0.0, out)
     return np.ascontiguousarray(out[:2, :n].T), radius

@@ -23,7 +23,7 @@ N_CLUSTERS = 32  # of a scan; the errors of the beams in a cluster may be correl
 
 
 class View(NamedTuple):
-    """End points of a scan and their normals (2, >= n), and the pose of the laser, `mount`.
+    """End points of a scan (4, >= n), their normals (2, >= n), and the pose of the laser, `mount`.
 
     All in the base frame; a normal has any length, 0 where it is unknown.
     """
@@ -83,10 +83,11 @@ def line_equations(
 ) -> tuple[float, float, float, float]:
     """Normal equations H, b of the distances to the lines, [Kohlbrecher11] eq. 8-13.
 
-    ours: a distance e to a line has the weight confidence / (1 + soft e^2); every `stride`-th beam
-    is used. Returns the sums of the weights, of the weighted squares [m^2], and of the weights
-    without confidence: the number of inliers; and the design effect [Kish65], by which errors that
-    are correlated within clusters raise the variance of a sum of beams, less what chance explains.
+    ours: a distance e to a line has the weight confidence p / (1 + soft p e^2), where p is that of
+    its beam; every `stride`-th beam is used. Returns the sums of the weights without p, of the
+    weighted squares [m^2], and of the weights by e alone: the number of inliers; and the design
+    effect [Kish65], by which errors that are correlated within clusters raise the variance of a sum
+    of beams, less what chance explains.
     """
     points, normals, n, mount = view
     c, s = math.cos(pose.theta), math.sin(pose.theta)
@@ -109,8 +110,9 @@ def line_equations(
         along = (c * ax - s * ay) * nx + (s * ax + c * ay) * ny
         if along < 0.0 or along * along < MIN_LINE_COSINE * MIN_LINE_COSINE * (ax * ax + ay * ay):
             continue
-        robust = 1.0 / (1.0 + e * e * soft)
-        weight = w * robust
+        precision = points[3, i]
+        robust = 1.0 / (1.0 + precision * e * e * soft)
+        weight = precision * w * robust
         nt = ny * qx - nx * qy
         wx, wy, wt = weight * nx, weight * ny, weight * nt
         hxx += wx * nx
@@ -122,7 +124,7 @@ def line_equations(
         bx -= wx * e
         by -= wy * e
         bt -= wt * e
-        total += weight
+        total += w * robust
         squares += weight * e * e
         inliers += robust
         cluster += weight * e
@@ -207,6 +209,6 @@ def evaluate(
             conflicts += 1.0 if cells.grid[v, u] < cells.free else 0.0
             continue
         e, _, _, w = facing_line(cells, x, y, sx, sy)
-        inliers += 1.0 / (1.0 + e * e * soft) if w > 0.0 else 0.0
+        inliers += 1.0 / (1.0 + points[3, i] * e * e * soft) if w > 0.0 else 0.0
     used = max((n + stride - 1) // stride, 1)
     return inliers / used, conflicts / used

@@ -12,21 +12,15 @@ from slams.scan import scan_kernels as kernels
 from slams.scan.leveling import Leveling
 from slams.scan.moving_average import MovingAverage
 from slams.scan.params import ScanParams
+from slams.scan.range_noise import RangeNoise
 from slams.scan.scan_kernels import Points, ScanResolution
 from slams.types import IDENTITY, Laser, Pose2, Ranges, Scan
 
-MAX_CHORD = 0.1  # m between two neighbors of a beam, or as far as beams are apart on a slanted wall
 MIN_GAP_THRESHOLD = 0.1  # m between neighbors of one surface
 GAP_DEVIATIONS = 6.0  # of the noise between two neighbors of one surface
 WINDOW_DEVIATIONS = 6.0  # of the noise in half a window: normals are good to 0.1 rad
-OUTLIER_DEVIATIONS = 3.0  # of the noise: a beam farther from its neighbors' line is off their wall
-ROUNDING_UNIT = 1e-4  # m, of which rounded ranges are multiples; above the error of a float32
-MIN_NOISE_SAMPLES = 10  # triples of beams that an estimate of the noise needs
-TRUNCATED_MEDIAN = 0.6724  # median absolute normal deviate within `OUTLIER_DEVIATIONS`
-CHORD_DISTANCE_STD = math.sqrt(1.5)  # of a beam minus the mean of two others, per beam's deviation
 MAX_COUNTED_INTERVAL, INTERVAL_MEAN_TIME = 1.0, 30.0  # s between two scans; s, of the mean of it
 ROBUST_SCALE_DEVIATIONS = 3.0  # of the noise, at which the weight of a beam is halved
-NOISE_MEAN_TIME = 1.0  # s: five scans of a slow laser; a robot moves by its length
 
 
 class EndPoints:
@@ -35,7 +29,7 @@ class EndPoints:
     An error of the velocity moves both halves of the sweep in opposite directions, so that it
     hardly moves the middle. `at_stamp` gives the pose at the scan's stamp, that of the first beam.
 
-    `points` (3, >= n): x, y [m], number of the beam; `radius` [m] the farthest from the base;
+    `points` (4, >= n): x, y [m], number and weight of the beam; `radius` [m] the farthest of them;
     `resolution`: noise of the ranges, and lengths that follow from it. All scans share the buffers.
     """
 
@@ -45,10 +39,8 @@ class EndPoints:
         self.params = params
         self.n = 0
         self.radius = 0.0
-        self._noise = MovingAverage(NOISE_MEAN_TIME, params.range_noise)
-        self._rounding_step = 0.0
-        # of each laser, by its mount: the noise, and the step that its ranges are rounded to
-        self._noises: dict[Pose2, tuple[MovingAverage, float]] = {}
+        self._noise = RangeNoise(params, np.zeros(0, np.float32))
+        self._noises: dict[Pose2, RangeNoise] = {}  # of each laser, by its mount
         self._interval, self._t = MovingAverage(INTERVAL_MEAN_TIME), math.inf
         self._has_moments = self._has_normals = self._has_chords = False
         self.resolution = ScanResolution(self.noise, params.normal_window, MIN_GAP_THRESHOLD)
@@ -67,20 +59,24 @@ class EndPoints:
             self._adopt(laser, scan.ranges)
         self._has_moments = self._has_normals = self._has_chords = False
         self.n, self.radius = kernels.end_points(
-            scan.ranges, self._directions, laser.mount, self._limits, self.points
+            scan.ranges,
+            self._directions,
+            laser.mount,
+            self._limits,
+            self._noise.typical_range,
+            self.points,
         )
         self.mount = laser.mount
         leveled = self._leveling.project(scan, velocity, self.points, self.n, self._scratch)
         if leveled is not None:
             self.n, self.radius, self.mount = leveled
-        self._measure_noise(scan.t)
+        beams = self.points, self.n, self.mount, self.step
+        self._noise.measure(scan.t, *beams, self._scratch)
         self._measure_interval(scan.t)
         window = max(self.params.normal_window, WINDOW_DEVIATIONS * self.noise)
         gap = max(MIN_GAP_THRESHOLD, GAP_DEVIATIONS * self.noise)
         self.resolution = ScanResolution(self.noise, window, gap)
-        self.n = kernels.remove_isolated(
-            self.points, self.n, self.mount, self.step, gap, self._scratch
-        )
+        self.n = kernels.remove_isolated(*beams, gap, self._scratch)
         if self.has_sweep:
             self._velocity = velocity
             middle = 0.5 * (laser.n_beams - 1)
@@ -101,7 +97,7 @@ class EndPoints:
     @property
     def noise(self) -> float:
         """Standard deviation of the ranges [m], measured over the last scans."""
-        return self._noise.value
+        return self._noise.std
 
     @property
     def scan_interval(self) -> float:
@@ -142,22 +138,6 @@ class EndPoints:
             self._has_chords = True
         return self._chords
 
-    def _measure_noise(self, t: float) -> None:
-        """Add the noise of this scan, by the median distance of beams from a line of neighbors."""
-        if self._noise.is_fresh(t):
-            return
-        distances, step = self._scratch[0], self._rounding_step
-        limit = max(OUTLIER_DEVIATIONS * self.noise, 1.5 * step)
-        scan = self.points, self.n, self.mount, self.step
-        count = kernels.beyond_chords(*scan, MAX_CHORD, limit, distances)
-        if count >= MIN_NOISE_SAMPLES:
-            half = count // 2
-            median = float(np.partition(distances[:count], half)[half])
-            if median < 0.5 * step:  # most are rounded to 0: the median of grouped data
-                median = 0.25 * step * count / int((distances[:count] < 0.5 * step).sum())
-            noise = median / (TRUNCATED_MEDIAN * CHORD_DISTANCE_STD)
-            self._noise.add(min(max(noise, self.params.quietest), self.params.noisiest), t)
-
     def _measure_interval(self, t: float) -> None:
         """Add the time since the last scan, unless the stamp does not rise."""
         if t > self._t:
@@ -169,9 +149,8 @@ class EndPoints:
         if laser.mount not in self._noises:
             if len(self._noises) == MAX_LASERS:
                 self._noises.clear()
-            noise = MovingAverage(NOISE_MEAN_TIME, self.params.range_noise)
-            self._noises[laser.mount] = noise, rounding_step(ranges)
-        self._noise, self._rounding_step = self._noises[laser.mount]
+            self._noises[laser.mount] = RangeNoise(self.params, ranges)
+        self._noise = self._noises[laser.mount]
         self._directions = laser.directions
         self.has_sweep = self.params.deskew and laser.time_increment > 0.0
         self._limits = max(self.params.min_range, laser.range_min), self.params.max_range
@@ -179,22 +158,10 @@ class EndPoints:
             self._size(n_beams)
 
     def _size(self, n_beams: int) -> None:
-        self.points = np.zeros((3, n_beams))
-        self._scratch = np.zeros((3, n_beams))
+        self.points = np.zeros((4, n_beams))
+        self._scratch = np.zeros((4, n_beams))
         self._chords = np.zeros((3, n_beams))
         self._moments = np.zeros((6, n_beams + 1))
-
-
-def rounding_step(ranges: Ranges) -> float:
-    """The step that all ranges (n,) [m] are rounded to [m]: their greatest common divisor.
-
-    At least `ROUNDING_UNIT`, the step of ranges that are not rounded, or are too few.
-    """
-    gaps = np.diff(ranges[np.isfinite(ranges)].astype(np.float64))
-    multiples = np.round(gaps / ROUNDING_UNIT).astype(np.int64)
-    if np.count_nonzero(multiples) < MIN_NOISE_SAMPLES:
-        return ROUNDING_UNIT
-    return ROUNDING_UNIT * max(int(np.gcd.reduce(multiples)), 1)
 
 
 def pose_distance(points: EndPoints, one: Pose2, other: Pose2) -> float:

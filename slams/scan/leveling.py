@@ -67,7 +67,7 @@ class Leveling:
     def project(
         self, scan: Scan, speed: Pose2, points: Points, n: int, scratch: Points
     ) -> tuple[int, float, Pose2] | None:
-        """Project n end points (3, >= n) of a scan in place, if its attitude is used.
+        """Project n end points (4, >= n) of a scan in place, if its attitude is used.
 
         Returns the number left, the farthest [m] and the mount of the laser, projected too.
         `speed` of the base [m/s, rad/s]; `scratch` like points. A repeated scan counts once.

@@ -15,7 +15,7 @@ Points = NDArray[np.float64]
 
 NORMALS_PER_HALF_WINDOW = 8  # end points between two of these share a normal
 N_NEIGHBORS, MIN_CLOSE_NEIGHBORS = 4, 2  # end points to either side; close ones of a surface
-MAX_CHORD_SPACING = 2.0  # of the beams, between two neighbors: a wall at 60 degrees of incidence
+MAX_WEIGHT = 4.0  # of a beam: for a nearer one the error of the map outweighs its noise
 MIN_OBJECT_WIDTH = 0.15  # m of an object that the isolated-point filter has to leave
 
 
@@ -29,14 +29,22 @@ class ScanResolution(NamedTuple):
 
 @njit
 def end_points(
-    ranges: Ranges, directions: Floats, mount: Pose2, limits: tuple[float, float], out: Points
+    ranges: Ranges,
+    directions: Floats,
+    mount: Pose2,
+    limits: tuple[float, float],
+    typical: float,
+    out: Points,
 ) -> tuple[int, float]:
-    """End points out (3, b) of ranges (b,) [m] in the base frame; their number, the farthest [m].
+    """End points out (4, b) of ranges (b,) [m] in the base frame; their number, the farthest [m].
 
-    [Kohlbrecher11] sec. IV-A. directions (b, 2) in the laser frame; out: x, y [m], beam's number.
-    Ranges that are used are between the `limits` [m].
+    [Kohlbrecher11] sec. IV-A. directions (b, 2) in the laser frame; out: x, y [m], beam's number,
+    weight. Ranges that are used are between the `limits` [m]. ours: a weight is the inverse
+    variance relative to that at the `typical` range [m], to which the noise is proportional; it is
+    1 for all if that is 0.
     """
     c, s = math.cos(mount.theta), math.sin(mount.theta)
+    square_of_typical = typical * typical
     n, far = 0, 0.0
     for i in range(ranges.shape[0]):
         r = ranges[i]
@@ -47,6 +55,9 @@ def end_points(
         out[0, n] = x
         out[1, n] = y
         out[2, n] = i
+        is_near = square_of_typical >= MAX_WEIGHT * r * r
+        weight = MAX_WEIGHT if is_near else square_of_typical / (r * r)
+        out[3, n] = weight if typical > 0.0 else 1.0
         square = x * x + y * y
         far = square if square > far else far
         n += 1
@@ -57,7 +68,7 @@ def end_points(
 def deskew(points: Points, n: int, twist: Pose2, time_increment: float, reference: float) -> None:
     """Move end points to the base frame at the time of the beam `reference`, in place.
 
-    ours: the original ignores that the robot moves during a sweep. points (3, >= n) of
+    ours: the original ignores that the robot moves during a sweep. points (4, >= n) of
     `end_points`; `twist` of the base [m/s, rad/s], `time_increment` [s] from beam to beam. The base
     moves on an arc, whose chord is rotated by half the arc's angle.
     """
@@ -69,23 +80,6 @@ def deskew(points: Points, n: int, twist: Pose2, time_increment: float, referenc
         x, y, vx, vy = points[0, i], points[1, i], twist.x * t, twist.y * t
         points[0, i] = c * x - s * y + ch * vx - sh * vy
         points[1, i] = s * x + c * y + sh * vx + ch * vy
-
-
-@njit(inner=True, borrows=True)
-def beyond_chord(points: Points, a: int, i: int, b: int, mount: Pose2) -> float:
-    """Distance of end point i behind the line through a and b, along its beam [m]; inf: parallel.
-
-    ours: exactly 0 on a straight wall, at any spacing of the beams and any angle of incidence.
-    """
-    ax, ay = points[0, a] - mount.x, points[1, a] - mount.y
-    px, py = points[0, i] - mount.x, points[1, i] - mount.y
-    dx, dy = points[0, b] - points[0, a], points[1, b] - points[1, a]
-    across = px * dy - py * dx
-    if across == 0.0:
-        return math.inf
-    met = (ax * dy - ay * dx) / across
-    behind: float = (1.0 - met) * math.sqrt(px * px + py * py)
-    return behind
 
 
 @njit(inner=True, borrows=True)
@@ -111,34 +105,6 @@ def jumps(points: Points, i: int, mount: Pose2, step: float, gap_threshold: floa
 
 
 @njit
-def beyond_chords(
-    points: Points,
-    n: int,
-    mount: Pose2,
-    step: float,
-    max_chord: float,
-    max_distance: float,
-    out: Floats,
-) -> int:
-    """Distances of end points from the line through both neighbors [m], out (>= n,); their number.
-
-    ours: on a wall these distances are noise. Every third end point is used, if the line is within
-    `max_distance` [m], else it is off their wall, and its neighbors are within `max_chord` [m] or
-    twice the spacing of their beams there. points (3, >= n), `step` [rad] between two beams.
-    """
-    count = 0
-    for i in range(1, n - 1, 3):
-        x, y = points[0, i] - mount.x, points[1, i] - mount.y
-        angle = MAX_CHORD_SPACING * step * (points[2, i + 1] - points[2, i - 1])
-        if square_gap(points, i - 1, i + 1) < max_chord**2 + angle * angle * (x * x + y * y):
-            distance = abs(beyond_chord(points, i - 1, i, i + 1, mount))
-            if distance < max_distance:
-                out[count] = distance
-                count += 1
-    return count
-
-
-@njit
 def remove_isolated(
     points: Points, n: int, mount: Pose2, step: float, gap_threshold: float, scratch: Points
 ) -> int:
@@ -146,7 +112,7 @@ def remove_isolated(
 
     ours: rain, smoke, mixed pixels and faults give single end points. `MIN_CLOSE_NEIGHBORS` of the
     `N_NEIGHBORS` to either side have to be within `gap_threshold` [m] plus four spacings. Where an
-    object of `MIN_OBJECT_WIDTH` has too few beams for that, all stay. points, scratch (3, >= n).
+    object of `MIN_OBJECT_WIDTH` has too few beams for that, all stay. points, scratch (4, >= n).
     """
     isolated, near_last = 0, False
     for i in range(n):
@@ -173,7 +139,7 @@ def remove_isolated(
         if removed < isolated and scratch[0, removed] == i:
             removed += 1
             continue
-        for row in range(3):
+        for row in range(4):
             points[row, i - removed] = points[row, i]
     return n - removed
 

@@ -45,7 +45,7 @@ def level(
     """Project end points of a tilted base to the level plane; their number, the farthest [m].
 
     [Kohlbrecher11] sec. III: the attitude transforms the scan, end points on the floor are removed.
-    points (3, >= n) of `end_points`; out (3, >= n), may be `points`. `R` (3, 3) turns base
+    points (4, >= n) of `end_points`; out (4, >= n), may be `points`. `R` (3, 3) turns base
     axes level at the first beam, `rate` (3, 3) [1/s] is its change, `time_increment` [s] is per
     beam. ours: end points expected on the floor show errors of an attitude. `statistics` (5,): how
     many are near the floor, below a level floor, and below any floor; of those near the floor the
@@ -78,7 +78,8 @@ def level(
         v = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z
         u += t * (rate[0, 0] * x + rate[0, 1] * y + rate[0, 2] * z)
         v += t * (rate[1, 0] * x + rate[1, 1] * y + rate[1, 2] * z)
-        out[0, kept], out[1, kept], out[2, kept] = u, v, points[2, i]
+        out[0, kept], out[1, kept] = u, v
+        out[2, kept], out[3, kept] = points[2, i], points[3, i]
         square = max(square, u * u + v * v)
         kept += 1
     return kept, math.sqrt(square)

@@ -59,7 +59,7 @@ def position_error(poses, truth):
 
 def pieces_of(points, normals, mount=IDENTITY, grain=0.0):
     """Pieces (k, 5) of end points (n, 2) with normals (n, 2), in the order of the scan."""
-    points, normals = np.ascontiguousarray(points.T), np.ascontiguousarray(normals.T)
+    points, normals = np.vstack([points.T, np.ones((2, len(points)))]), normals.T.copy()
     out = np.zeros((points.shape[1], 5))
     return out[: pieces(points, normals, points.shape[1], mount, grain, out)]
 

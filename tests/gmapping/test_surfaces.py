@@ -209,7 +209,7 @@ def test_a_post_faces_the_laser_and_a_wall_seen_edge_on_is_left_out():
 
 def test_a_piece_weighs_what_its_beams_do_not_share():
     view = view_of(IDENTITY)
-    view._noise.value = 0.02
+    view._noise._std.value = 0.02
     beams = np.array([1.0, 4.0, 1e9])
     view._weigh(beams)
     shared, own = WALL_ROUGHNESS_STD**2, 0.02**2

@@ -89,7 +89,7 @@ def test_noise_is_measured_every_tenth_of_a_second(rate, looks, monkeypatch):
     slam = made("hector")
     first, *scans = drive(n=41, rate=rate)
     slam.update(first)
-    learned = calls(monkeypatch, slam._scan._noise, "add")
+    learned = calls(monkeypatch, slam._scan._noise._std, "add")
     for scan in scans:
         slam.update(scan)
     assert len(learned) == pytest.approx(looks, abs=1)

@@ -38,9 +38,9 @@ def scanned(n=10, **changes):
 
 
 def read(ranges, lidar):
-    """End points (3, n) and moments (6, n + 1) of a standing laser."""
-    points, moments = np.zeros((3, lidar.n_beams)), np.zeros((6, lidar.n_beams + 1))
-    count, _ = end_points(ranges, lidar.directions, IDENTITY, (0.1, 30.0), points)
+    """End points (4, n) and moments (6, n + 1) of a standing laser."""
+    points, moments = np.zeros((4, lidar.n_beams)), np.zeros((6, lidar.n_beams + 1))
+    count, _ = end_points(ranges, lidar.directions, IDENTITY, (0.1, 30.0), 0.0, points)
     scan_moments(points, count, IDENTITY, lidar.angle_increment, MIN_GAP_THRESHOLD, moments)
     return Beams(0.0, 0.0, lidar.angle_increment), points, count, moments
 

@@ -204,7 +204,8 @@ def test_a_wall_near_its_cells_border_is_not_pushed_away():
 def test_a_wall_is_not_met_from_behind():
     cells, H, b = one_wall(), np.zeros((3, 3)), np.zeros(3)
     for sensor, met in ((0.0, True), (2.0, False)):
-        pose, ends = Pose2(sensor, 0.0, 0.0), wall()[0] - [[sensor], [0.0]]
+        pose = Pose2(sensor, 0.0, 0.0)
+        ends = np.concatenate([wall()[0] - [[sensor], [0.0]], np.ones((2, 20))])
         view = View(ends, np.zeros_like(ends), 20, IDENTITY)
         total, _, near, _ = line_equations(cells, view, 1, pose, 400.0, H, b)
         assert (total > 0.0) == (near > 0.0) == met
@@ -232,7 +233,8 @@ def sums_by_hand(lines, points, pose, soft, stride):
             *n, d, confidence = min(rows, key=lambda row: abs(row[:2] @ at - row[2]))
             e, q = n @ at - d, at - pose[:2]
             J = np.array([*n, n[1] * q[0] - n[0] * q[1]])
-            w = confidence / (1.0 + soft * e * e)
+            p = points.points[3, k]
+            w = p * confidence / (1.0 + soft * p * e * e)
             H, b, terms[k] = H + w * np.outer(J, J), b - w * e * J, w * e
     clusters = (np.arange(points.n) + stride - 1) // math.ceil(points.n / N_CLUSTERS)
     effect = (np.bincount(clusters, terms) ** 2).sum() / (terms @ terms)
@@ -243,6 +245,7 @@ def sums_by_hand(lines, points, pose, soft, stride):
 def test_normal_equations_are_those_of_the_distances_to_lines(stride):
     (lines, points), pose = mapped(), Pose2(0.03, -0.02, 0.01)
     H, b = np.zeros((3, 3)), np.zeros(3)
+    points.points[3] = np.random.default_rng(0).uniform(0.2, 4.0, points.points.shape[1])
     view = View(points.points, points.normals, points.n, IDENTITY)
     *_, effect = line_equations(lines.cells, view, stride, pose, 400.0, H, b)
     expected_H, expected_b, expected = sums_by_hand(lines, points, pose, 400.0, stride)
@@ -253,9 +256,9 @@ def test_normal_equations_are_those_of_the_distances_to_lines(stride):
 
 def test_errors_of_beams_that_are_independent_have_no_design_effect():
     (lines, points), H, b = mapped(), np.zeros((3, 3)), np.zeros(3)
-    ends, normals = points.points[:2, : points.n], points.normals[:2, : points.n]
-    errors = np.random.default_rng(0).normal(0.0, 0.01, points.n) * normals
-    view = View(ends + errors, normals, points.n, IDENTITY)
+    ends, normals = points.points.copy(), points.normals[:2, : points.n]
+    ends[:2, : points.n] += np.random.default_rng(0).normal(0.0, 0.01, points.n) * normals
+    view = View(ends, normals, points.n, IDENTITY)
     assert line_equations(lines.cells, view, 1, IDENTITY, 400.0, H, b)[-1] == 1.0
 
 
@@ -270,7 +273,7 @@ def test_hits_of_a_noisy_laser_reach_as_many_cells_as_their_noise(monkeypatch):
     monkeypatch.setattr("slams.refine.lines.add_scan", lambda *args: updates.append(args[-1]))
     lines, points = blank(), seen_at()
     for noise in (0.01, 0.06):
-        points._noise.value = noise
+        points._noise._std.value = noise
         lines.insert(points, IDENTITY)
     assert [update.reach for update in updates] == [1, 3]
     assert [update.number for update in updates] == [1, 2]
@@ -286,5 +289,5 @@ def test_what_stands_where_it_was_free_is_no_wall():
 def test_a_beam_counts_half_at_three_deviations_of_the_noise():
     lines, points = blank(), seen_at()
     for noise, soft in ((0.02, 0.06), (0.05, 0.15), (0.001, lines.params.softness)):
-        points._noise.value = noise
+        points._noise._std.value = noise
         assert lines._softness(points) == pytest.approx(soft)

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slams.scan import end_points as reader
-from slams.scan import scan_kernels
-from slams.scan.end_points import ROUNDING_UNIT, EndPoints, rounding_step
+from slams.scan import range_noise, scan_kernels
+from slams.scan.end_points import EndPoints
 from slams.scan.moving_average import MovingAverage
+from slams.scan.noise_kernels import beyond_chords
 from slams.scan.params import ScanParams
+from slams.scan.range_noise import ROUNDING_UNIT, rounding_step
 from slams.types import IDENTITY, Laser, Pose2, Scan
 from tests.rooms import laser, scan_at
 
@@ -19,7 +20,8 @@ GAP_THRESHOLD = 0.1
 
 
 def points_of(*xy):
-    return np.ascontiguousarray(np.array([(x, y, k) for k, (x, y) in enumerate(xy)], float).T)
+    rows = [(x, y, k, 1.0) for k, (x, y) in enumerate(xy)]
+    return np.ascontiguousarray(np.array(rows, float).T)
 
 
 def kept(points, step):
@@ -57,9 +59,12 @@ def test_one_beam_beside_is_no_company_as_smoke_has_some():
 
 def test_ranges_count_between_both_limits_and_carry_the_number_of_their_beam():
     lidar = Laser(0.0, 0.1, 5, 0.1, 30.0, Pose2(1.0, 2.0, 0.5 * math.pi))
-    ranges, out = np.array([0.4, 0.6, np.nan, 4.9, 5.1], np.float32), np.zeros((3, 5))
-    n, far = scan_kernels.end_points(ranges, lidar.directions, lidar.mount, (0.5, 5.0), out)
-    assert (n, out[2, :2].tolist()) == (2, [1.0, 3.0])
+    ranges, out = np.array([0.4, 0.6, np.nan, 4.9, 5.1], np.float32), np.zeros((4, 5))
+    beams = ranges, lidar.directions, lidar.mount, (0.5, 5.0)
+    for typical, weights in ((0.0, [1.0, 1.0]), (2.0, [4.0, (2.0 / 4.9) ** 2])):
+        n, far = scan_kernels.end_points(*beams, typical, out)
+        assert (n, out[2, :2].tolist()) == (2, [1.0, 3.0])
+        assert out[3, :2] == pytest.approx(weights, rel=1e-6)
     expected = lidar.mount.transform((ranges[:, None] * lidar.directions)[[1, 3]].astype(float))
     assert pytest.approx(expected, rel=1e-6) == out[:2, :2].T
     assert far == pytest.approx(np.hypot(*expected.T).max())
@@ -79,11 +84,11 @@ def test_a_point_is_brought_along_the_arc_to_the_middle_of_the_sweep():
 
 def test_noise_is_what_is_left_of_straight_walls():
     rng, wall = np.random.default_rng(0), np.linspace(-1.0, 1.0, 301)
-    points = np.stack([np.full(301, 2.0), wall, np.arange(301.0)])
-    out = np.zeros(301)
+    points = np.stack([np.full(301, 2.0), wall, np.arange(301.0), np.ones(301)])
+    out, halves, scan = np.zeros(301), np.zeros((2, 3)), (301, IDENTITY, 0.0)
     for chord, n in ((0.1, 100), (0.01, 0)):
-        assert scan_kernels.beyond_chords(points, 301, IDENTITY, 0.0, chord, 0.1, out) == n
-    scan_kernels.beyond_chords(points, 301, Pose2(0.5, 0.3, 0.0), 0.0, 0.1, 0.1, out)
+        assert beyond_chords(points, *scan, (chord, 0.1), 0.0, out, halves) == n
+    beyond_chords(points, 301, Pose2(0.5, 0.3, 0.0), 0.0, (0.1, 0.1), 0.0, out, halves)
     assert np.abs(out).max() < 1e-12
     lidar = laser(1441)
     for noise, found in ((0.02, 0.02), (0.3, 0.15), (0.0, 0.001)):
@@ -115,10 +120,28 @@ def test_noise_of_rounded_ranges_is_theirs_and_that_of_the_rounding(noise, step,
     assert rounding_step(rounded[:5]) == ROUNDING_UNIT
 
 
+@pytest.mark.parametrize(("share", "constant"), [(0.01, 0.0), (0.01, 0.01), (0.0, 0.02)])
+def test_noise_that_grows_with_the_range_weighs_the_beams(share, constant):
+    rng, lidar, ends = np.random.default_rng(0), laser(721), EndPoints(ScanParams())
+    for k in range(30):
+        ranges = scan_at((0.1, 0.2, 0.3), lidar).ranges
+        std = np.hypot(constant, share * ranges)
+        noisy = (ranges + std * rng.normal(size=len(ranges))).astype(np.float32)
+        ends.read(Scan(0.1 * k, noisy, lidar), IDENTITY)
+    far, typical = np.hypot(*ends.points[:2, : ends.n]), ends._noise.typical_range
+    if share < constant:
+        assert typical == 0.0 and (ends.points[3] == 1.0).all()
+        return
+    assert ends.noise == pytest.approx(math.hypot(constant, share * typical), rel=0.15)
+    assert 0.9 * far.mean() < typical < 1.2 * far.mean()
+    expected = np.minimum((typical / far) ** 2, scan_kernels.MAX_WEIGHT)
+    assert ends.points[3, : ends.n] == pytest.approx(expected, rel=0.01)
+
+
 def test_the_median_is_that_of_a_normal_deviate_that_is_no_outlier():
     deviates = np.abs(np.random.default_rng(0).normal(size=2_000_000))
-    found = np.median(deviates[deviates < reader.OUTLIER_DEVIATIONS])
-    assert found == pytest.approx(reader.TRUNCATED_MEDIAN, abs=0.001)
+    found = np.median(deviates[deviates < range_noise.OUTLIER_DEVIATIONS])
+    assert found == pytest.approx(range_noise.TRUNCATED_MEDIAN, abs=0.001)
 
 
 def test_what_is_no_wall_is_no_noise():
@@ -160,7 +183,7 @@ def test_the_window_of_a_normal_and_what_is_one_surface_grow_with_the_noise():
     nothing = Scan(0.0, np.zeros(9, np.float32), Laser(0.0, 0.1, 9, 0.1, 30.0))
     ends = EndPoints(ScanParams(normal_window=0.05)).read(nothing, IDENTITY)
     for noise, window, gap_threshold in ((0.005, 0.05, 0.1), (0.02, 0.12, 0.12)):
-        ends._noise.value = noise
+        ends._noise._std.value = noise
         ends.read(nothing, IDENTITY)
         assert ends.resolution == pytest.approx((noise, window, gap_threshold))
 

@@ -1,0 +1,97 @@
+"""RangeNoise: the noise of one laser's ranges, measured over its last scans."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from slams.scan.moving_average import MovingAverage
+from slams.scan.noise_kernels import beyond_chords
+from slams.scan.params import ScanParams
+from slams.scan.scan_kernels import Points
+from slams.types import Pose2, Ranges
+
+MAX_CHORD = 0.1  # m between two neighbors of a beam, or as far as beams are apart on a slanted wall
+OUTLIER_DEVIATIONS = 3.0  # of the noise: a beam farther from its neighbors' line is off their wall
+ROUNDING_UNIT = 1e-4  # m, of which rounded ranges are multiples; above the error of a float32
+MIN_NOISE_SAMPLES = 10  # triples of beams that an estimate of the noise needs
+TRUNCATED_MEDIAN = 0.6724  # median absolute normal deviate within `OUTLIER_DEVIATIONS`
+CHORD_DISTANCE_STD = math.sqrt(1.5)  # of a beam minus the mean of two others, per beam's deviation
+NOISE_MEAN_TIME = 1.0  # s: five scans of a slow laser; a robot moves by its length
+GROWTH_MEAN_TIME = 10.0  # s: whether the noise grows with the range is a property of the laser
+MIN_GROWING_SHARE = 0.5  # of the variance at the typical range: far walls look rough to any laser
+
+
+class RangeNoise:
+    """Noise of a laser, constant or, as that of triangulation, proportional to the range.
+
+    Args:
+        params: limits of the noise, and its value before the first scan.
+        ranges: (n,) [m] of the laser's first scan.
+    """
+
+    def __init__(self, params: ScanParams, ranges: Ranges) -> None:
+        self._params = params
+        self._std = MovingAverage(NOISE_MEAN_TIME, params.range_noise)
+        self._growing_share = MovingAverage(GROWTH_MEAN_TIME)
+        self._range = MovingAverage(GROWTH_MEAN_TIME)
+        self._step = rounding_step(ranges)
+        self._halves = np.zeros((2, 3))
+
+    @property
+    def std(self) -> float:
+        """Standard deviation of a range [m], of the typical one if it is proportional."""
+        return self._std.value
+
+    @property
+    def typical_range(self) -> float:
+        """Range [m] at which the noise is `std`; 0 if the noise is the same at all ranges."""
+        return self._range.value if self._growing_share.value > MIN_GROWING_SHARE else 0.0
+
+    def measure(
+        self, t: float, points: Points, n: int, mount: Pose2, step: float, scratch: Points
+    ) -> None:
+        """Add the noise of the scan of time `t` [s], by the median distance from chords."""
+        if self._std.is_fresh(t):
+            return
+        distances, halves, typical = scratch[0], self._halves, self._range.value
+        limits = MAX_CHORD, max(OUTLIER_DEVIATIONS * self.std, 1.5 * self._step)
+        count = beyond_chords(points, n, mount, step, limits, typical, distances, halves)
+        if count < MIN_NOISE_SAMPLES:
+            return
+        half = count // 2
+        median = float(np.partition(distances[:count], half)[half])
+        if median < 0.5 * self._step:  # most are rounded to 0: the median of grouped data
+            median = 0.25 * self._step * count / int((distances[:count] < 0.5 * self._step).sum())
+        else:
+            self._measure_growth(t)
+        noise, p = median / (TRUNCATED_MEDIAN * CHORD_DISTANCE_STD), self._params
+        self._std.add(min(max(noise, p.quietest), p.noisiest), t)
+        self._range.add(math.sqrt(float(halves[:, 2].sum()) / count), t)
+
+    def _measure_growth(self, t: float) -> None:
+        """Add the share of the variance that grows as the square of the range.
+
+        ours: by the variances of the nearer and of the farther half of the beams.
+        """
+        (n, near, near_square), (m, far, far_square) = self._halves.tolist()
+        if min(n, m) < MIN_NOISE_SAMPLES:
+            return
+        near, far = (near / n) ** 2, (far / m) ** 2
+        slope = (far - near) / (far_square / m - near_square / n)
+        growing = slope * self._range.value**2
+        total = near + growing - slope * near_square / n  # at the typical range
+        self._growing_share.add(min(max(growing / total, 0.0), 1.0), t)
+
+
+def rounding_step(ranges: Ranges) -> float:
+    """The step that all ranges (n,) [m] are rounded to [m]: their greatest common divisor.
+
+    At least `ROUNDING_UNIT`, the step of ranges that are not rounded, or are too few.
+    """
+    gaps = np.diff(ranges[np.isfinite(ranges)].astype(np.float64))
+    multiples = np.round(gaps / ROUNDING_UNIT).astype(np.int64)
+    if np.count_nonzero(multiples) < MIN_NOISE_SAMPLES:
+        return ROUNDING_UNIT
+    return ROUNDING_UNIT * max(int(np.gcd.reduce(multiples)), 1)
