@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hector.original.scan_kernels import Points
 from slams.jit import njit
+from slams.scan.scan_kernels import Points
 from slams.types import Pose2
 
 

@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 
-from hector.original import scan_kernels as kernels
 from hector.original.params import OriginalParams
-from hector.original.scan_kernels import Limits, Twist
 from slams.scan.leveling import floor_of
+from slams.scan.scan_kernels import deskew, end_points
 from slams.scan.tilt_kernels import level
 from slams.types import Attitude, Laser, Pose2, Scan
 
@@ -21,21 +20,21 @@ class EndPoints:
         self.laser = laser
         self.n = 0
         self.has_sweep = params.deskew and laser.time_increment > 0.0
-        near = max(params.min_range, laser.range_min)
-        self._limits = Limits(near, params.max_range, params.body_radius)
-        self.points = np.zeros((3, laser.n_beams))
+        self._limits = max(params.min_range, laser.range_min), params.max_range
+        # behind the laser nearer ranges are those of the robot's own body
+        self._body = np.where(laser.directions[:, 0] < 0.0, params.body_radius, 0.0)
+        self.points = np.zeros((4, laser.n_beams))
 
     def read(self, scan: Scan, velocity: Pose2) -> None:
         """Read a scan; `velocity` of the base [m/s, rad/s] is used where scans are deskewed."""
         laser = self.laser
-        self.n = kernels.end_points(
-            scan.ranges, laser.directions, laser.mount, self._limits, self.points
-        )
+        ranges = np.where(scan.ranges < self._body, np.float32(np.nan), scan.ranges)
+        fan = laser.directions, laser.mount, self._limits
+        self.n, _ = end_points(ranges, *fan, 0.0, self.points)
         if scan.attitude is not None:
             self._level(scan.attitude)
         if self.has_sweep:
-            twist = Twist(velocity.x, velocity.y, velocity.theta, laser.time_increment)
-            kernels.deskew(self.points, self.n, twist)
+            deskew(self.points, self.n, velocity, laser.time_increment, 0.0)  # to the first beam
 
     def _level(self, attitude: Attitude) -> None:
         """Level the points as the node's stabilized frame does, without a check for the floor."""
