@@ -42,14 +42,12 @@ run tsd room.npz --resume-state hector.state | the state of hector, expected one
 run hector room.npz --resume-state hector.state --set levels=2 | saved with levels 3, got 2
 run hector room.npz --resume-state room.npz | not a state: no head;
 run hector room.npz --resume-state . | is a directory
-run hector room.npz --save-state no/x | no such folder
 run hector room.npz --save-state . | is a folder
 run kiss room.npz --save-state k | kiss cannot be saved: slam._icp_class is of the class
 run hector room.npz --localize bad.yaml | its picture none.pgm is not
 run hector room.npz --localize room.npz | not a state
 run odometry room.npz --localize map.yaml | odometry cannot localize in a map that is given
 run hector room.npz --localize map.yaml --start=1,2,nan | --start
-run hector room.npz --localize map.yaml --start=a,b,c | --start
 run hector room.npz --localize map.yaml --start= | --start
 convert room.npz | OUT.npz
 info none.log | no such file

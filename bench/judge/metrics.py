@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 TRANSLATION_CLASS_WIDTH = 0.025  # m, [Kuehn] Fig. 2
 ORIENTATION_CLASS_WIDTH = 0.05  # rad, [Kuehn] Fig. 3
+MAX_STAMP_DIFFERENCE = 5e-4  # s, of a relation from a scan
 MIN_LOOP_TIME = 20.0  # s between the stamps of a relation that closes a loop
 # update rates differ between programs; errors over times and distances can be compared
 TIME_SPANS = {"update": 0.0, "0.1 s": 0.1, "1 s": 1.0, "10 s": 10.0}  # s
@@ -113,19 +114,16 @@ class RelationErrors(NamedTuple):
     given: int
 
 
-def relation_errors(
-    t: Floats, poses: Floats, relations: Floats, tolerance: float = 5e-4
-) -> RelationErrors:
+def relation_errors(t: Floats, poses: Floats, relations: Floats) -> RelationErrors:
     """[Kuemmerle09]: error of each relation, inverse(relation) @ (inverse(pose t1) @ pose t2).
 
     Args:
         t: stamps (n,) [s]; they may jump back.
         poses: poses (n, 3) at the stamps.
-        relations: rows t1 t2 x y theta (k, 5).
-        tolerance: maximum difference of stamps [s]; other relations are left out.
+        relations: rows t1 t2 x y theta (k, 5); those at other stamps are left out.
     """
-    first, found_first = _nearest(t, relations[:, 0], tolerance)
-    second, found_second = _nearest(t, relations[:, 1], tolerance)
+    first, found_first = _nearest(t, relations[:, 0])
+    second, found_second = _nearest(t, relations[:, 1])
     used = np.logical_and(found_first, found_second)
     moved = between(poses[first[used]], poses[second[used]])
     error = between(relations[used, 2:5], moved)
@@ -146,9 +144,7 @@ def class_shares(values: Floats, width: float, classes: int) -> Floats:
     return shares
 
 
-def _nearest(
-    t: Floats, wanted: Floats, tolerance: float
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def _nearest(t: Floats, wanted: Floats) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     order: NDArray[np.int64] = np.argsort(t, kind="stable")
     ordered = t[order]
     right = np.clip(np.searchsorted(ordered, wanted), 1, max(len(t) - 1, 1))
@@ -157,4 +153,4 @@ def _nearest(
     nearer = np.where(
         np.abs(ordered[left] - wanted) <= np.abs(ordered[right] - wanted), left, right
     )
-    return order[nearer], np.abs(ordered[nearer] - wanted) <= tolerance
+    return order[nearer], np.abs(ordered[nearer] - wanted) <= MAX_STAMP_DIFFERENCE

@@ -66,7 +66,7 @@ class NodePublisher:
         values |= {"seconds_lost": f"{estimate.seconds_lost:.3f}"}
         values |= {name: str(count) for name, count in counts.items()}
         level = STATES.index(estimate.state)
-        message = self._make.status(stamp, "slams", level, estimate.state, values)
+        message = self._make.status(stamp, level, estimate.state, values)
         self._send("/slam/state", message)
 
     def publish_map(self, stamp: int, grid: OccupancyGrid) -> None:

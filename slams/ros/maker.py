@@ -94,11 +94,9 @@ class Maker:
             np.zeros(0, np.float32),
         )
 
-    def status(
-        self, stamp: int, name: str, level: int, text: str, values: Mapping[str, str]
-    ) -> Any:
+    def status(self, stamp: int, level: int, text: str, values: Mapping[str, str]) -> Any:
         """Diagnostics with one status: level 0 OK, 1 warning, 2 error."""
-        status = level, name, text, "", list(values.items())
+        status = level, "slams", text, "", list(values.items())
         header = self._header(stamp, "")
         return self.of("diagnostic_msgs/msg/DiagnosticArray", header, [status])
 

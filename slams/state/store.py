@@ -37,10 +37,9 @@ MAX_STATE_SIZE = 1 << 33  # bytes of all arrays, unpacked; no map that fits into
 
 
 class State(NamedTuple):
-    """The contents of a file: the algorithm, its label, and the caller's values `beside` it."""
+    """The contents of a file: the algorithm, and the caller's values `beside` it."""
 
     slam: Slam
-    label: str
     beside: dict[str, Any]
 
 
@@ -107,7 +106,7 @@ def load_state(path: str | Path, algorithm: str | None = None) -> Slam:
 
 
 def read_state(path: str | Path, algorithm: str | None = None) -> State:
-    """As `load_state`, with the label and the values saved beside the algorithm."""
+    """As `load_state`, with the values saved beside the algorithm."""
     path = Path(path)
     label, tree, arrays = _read(path)
     if algorithm is None and (not isinstance(label, str) or ":" in label):  # code of a user
@@ -120,7 +119,7 @@ def read_state(path: str | Path, algorithm: str | None = None) -> State:
         params = reader.read(tree["params"], "params", cls.Params())
         new = cls(cls.Params() if params is None else params.replace())  # checks the values
         slam = reader.read(tree["slam"], "slam", new)
-        return State(slam, label, reader.read(tree["beside"], "beside", {}))
+        return State(slam, reader.read(tree["beside"], "beside", {}))
     except Exception as error:  # a malformed tree may raise anything
         raise ValueError(f"{path}: not a state of {label}: {_sentence(error)}") from error
 

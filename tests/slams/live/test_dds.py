@@ -52,7 +52,7 @@ def examples():
         MAP_TYPE: make.grid(9, grid, "map"),
         PATH_TYPE: make.path([9], np.array([pose]), "map"),
         POSE_COV_TYPE: make.pose_with_covariance(10, pose, np.diag([1.0, 2.0, np.inf]), "map"),
-        DIAGNOSTICS_TYPE: make.status(11, "slams", 1, "predicted", {"quality": "0.5", "n": "3"}),
+        DIAGNOSTICS_TYPE: make.status(11, 1, "predicted", {"quality": "0.5", "n": "3"}),
     }
 
 
