@@ -42,7 +42,6 @@ class LogOddsPyramid:
             math.log(params.free / (1.0 - params.free)),
             math.log(params.occupied / (1.0 - params.occupied)),
             params.ceiling,
-            params.free / (1.0 - params.free),
         )
         self.levels = [self._new_level(level) for level in range(params.levels)]
         self.lines = LineMap(params, *self._line_grid(), map_kernels.FREE_LOG_ODDS)

@@ -37,31 +37,24 @@ class Level(NamedTuple):
 
 
 class Update(NamedTuple):
-    """Log-odds added to free and to occupied cells; above the `ceiling` nothing is added.
-
-    `free_odds` = exp(`free`) is the factor of the odds of a free cell.
-    """
+    """Log-odds added to free and to occupied cells; above the `ceiling` nothing is added."""
 
     free: float
     occupied: float
     ceiling: float
-    free_odds: float
 
 
 @njit(inner=True, borrows=True)
 def mark_free(level: Level, u: np.uint64, v: np.uint64, mark: int, update: Update) -> None:
     """Update cell [v, u] as free, once per scan: inverse sensor model, [Kohlbrecher11] sec. IV-A.
 
-    ours: `p` follows by Bayes' rule from its last value, as an exponential for each cell of a beam
-    would take most of the time. Where `p` is almost 0, as in most cells, it stays as it is.
+    ours: where `p` is almost 0, as in most cells of a beam, it stays as it is.
     """
     if level.stamp[v, u] < mark:
-        before = level.log_odds[v, u]
-        log_odds = before + update.free
+        log_odds = level.log_odds[v, u] + update.free
         level.log_odds[v, u], level.stamp[v, u] = log_odds, mark
         if log_odds > NEGLIGIBLE_P_LOG_ODDS:
-            p = level.p[v, u] if before != 0.0 else 0.5
-            level.p[v, u] = p * update.free_odds / (1.0 - p + p * update.free_odds)
+            level.p[v, u] = probability(log_odds)
 
 
 @njit(inner=True, borrows=True)

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hector.original.map_kernels import Level
-from hector.original.scan_kernels import Points
-from slams.geometry import solve3
+from slams.geometry import solve3, wrap_angle
 from slams.jit import FAST, njit
+from slams.scan.scan_kernels import Points
 from slams.types import Floats, Pose2
 
 
@@ -82,4 +82,4 @@ def gauss_newton(
             break
         x, y = x + step[0], y + step[1]
         theta += max(-max_rotation, min(max_rotation, step[2]))
-    return Pose2(x, y, theta)
+    return Pose2(x, y, wrap_angle(theta))

@@ -1,6 +1,7 @@
 """hector: kernels of the occupancy and of its matching against twins, ours and the original's."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,16 +11,15 @@ from hector.map_kernels import Level, Update
 from hector.original import Original, OriginalParams
 from hector.original import map_kernels as original_map
 from hector.original import match_kernels as original_match
-from hector.original import scan_kernels as original_scan
 from hector.original.motion import Motion
-from slams.scan import scan_kernels
-from slams.types import IDENTITY, Pose2
+from hector.original.scan import EndPoints
+from slams.types import IDENTITY, Pose2, Scan
 from tests.hector import naive
 from tests.rooms import laser, scan_at
 from tests.slams.frontend.test_filter import scan as stamped
 
 FREE, OCCUPIED = math.log(0.4 / 0.6), math.log(0.9 / 0.1)
-UPDATE = Update(FREE, OCCUPIED, 50.0, math.exp(FREE))
+UPDATE = Update(FREE, OCCUPIED, 50.0)
 both_maps = pytest.mark.parametrize("kernels", [map_kernels, original_map])
 
 
@@ -38,27 +38,20 @@ def column(x, y):
     return np.array([[x], [y]], np.float64)
 
 
-def test_end_points_and_sweeps_of_the_original_are_those_of_the_default():
-    lidar = laser(5, fov=math.pi, mount=Pose2(0.2, 0.1, math.pi / 2))
-    ranges = np.array([1.0, np.nan, np.inf, 0.3, 2.0], np.float32)
-    ours, theirs = np.zeros((4, 5)), np.zeros((3, 5))
-    beams = ranges, lidar.directions, lidar.mount
-    assert scan_kernels.end_points(*beams, (0.4, 30.0), 0.0, ours)[0] == 2
-    assert original_scan.end_points(*beams, original_scan.Limits(0.4, 30.0, 0.0), theirs) == 2
-    np.testing.assert_array_equal(theirs, ours[:3])
-    assert ours[:3, 0] == pytest.approx([1.2, 0.1, 0.0])  # beam at -90 deg, turned by the mount
-    scan_kernels.deskew(ours, 2, Pose2(0.8, 0.1, 1.2), 0.01, 0.0)
-    original_scan.deskew(theirs, 2, original_scan.Twist(0.8, 0.1, 1.2, 0.01))
-    np.testing.assert_array_equal(theirs, ours[:3])
-
-
 def test_the_body_filter_hides_near_ends_behind():
     lidar = laser(3, fov=2.0 * math.pi * 2 / 3)
     ranges = np.array([0.6, 0.6, 0.8], np.float32)
     ranges.flags.writeable = False
-    out = np.zeros((3, 3))
-    limits = original_scan.Limits(0.1, 30.0, 0.7071)
-    assert original_scan.end_points(ranges, lidar.directions, lidar.mount, limits, out) == 2
+    points = EndPoints(OriginalParams(), lidar)
+    points.read(Scan(0.0, ranges, lidar), IDENTITY)
+    assert points.points[2, : points.n].tolist() == [1, 2]
+    params, sweeping = (
+        OriginalParams(deskew=True, body_radius=0.0),
+        replace(lidar, time_increment=0.1),
+    )
+    swept = EndPoints(params, sweeping)
+    swept.read(Scan(0.0, ranges, sweeping), Pose2(0.8, 0.1, 1.2))  # to the time of the first beam
+    assert swept.points[:2, 0] == pytest.approx(0.6 * lidar.directions[0])
 
 
 def test_interpolation_at_a_cell_is_the_cell_and_between_is_bilinear():
