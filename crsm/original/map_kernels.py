@@ -52,9 +52,10 @@ def is_repeated(ends: Any, d: Any, i: int, increment: float) -> bool:
     radius = math.hypot(ends[i, 0], ends[i, 1])
     # maximum number of beams between end points in one cell, which on the axes is twice as wide
     near = int(3.0 / max(radius, 1.0) / abs(increment)) + 1
-    for j in range(max(0, i - near), i):
-        if d[j] != 0.0 and ends[j, 0] == ends[i, 0] and ends[j, 1] == ends[i, 1]:
-            return True
+    for k in range(1, near + 1):
+        for j in (i - k, i + k - len(d)):  # the last beams of a revolution are beside the first
+            if 0 <= j < i and d[j] != 0.0 and ends[j, 0] == ends[i, 0] and ends[j, 1] == ends[i, 1]:
+                return True
     return False
 
 

@@ -82,7 +82,7 @@ class Original:
     def _allocate(self, rays: RayPicker) -> None:
         """Set the ray picker, and make the buffers of `hill_climb` for its laser."""
         disparity, n = self.params.disparity, rays.laser.n_beams
-        side = 2 * (disparity // 4) + 1
+        side = (disparity - 1) // 2 + 1
         self._rays = rays
         self._buffers = (
             np.zeros((disparity, side, side), np.float32),
@@ -97,9 +97,7 @@ class Original:
         start = (float(self._x), float(self._y), self._theta, *grid.origin.tolist())
         kernels.score_table(grid.cells, self._box(rays), grid.scores)
         ends, n, buffers, step = rays.rays, rays.n_rays, self._buffers, self._step
-        self.score = kernels.hill_climb(
-            grid.scores, ends, n, start, draws, p.disparity, buffers, step
-        )
+        kernels.hill_climb(grid.scores, ends, n, start, draws, p.disparity, buffers, step)
         self._x += round(self._step[0])
         self._y += round(self._step[1])
         theta = float(np.float32(np.float32(self._theta) + np.float32(self._step[2])))
