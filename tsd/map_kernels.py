@@ -244,7 +244,10 @@ def push_rows(field: Field, lines: Floats, rows: Floats, n_rows: int, rule: Push
 
 @njit(fastmath=FAST, inner=True)
 def decay_cell(field: Field, layer: int, iy: int, ix: int, factor: float, limit: float) -> bool:
-    """Scale the weight of a cell below `limit` [m]; true if the cell became unknown. ours."""
+    """Scale the weight of a cell below `limit` [m]; true if the cell became unknown.
+
+    ours: surfaces that remain near it regain their likelihood at the next push.
+    """
     ty, tx = iy >> TSD_TILE_SHIFT, ix >> TSD_TILE_SHIFT
     slot, j, i = field.slots[ty, tx, layer], iy & TSD_TILE_MASK, ix & TSD_TILE_MASK
     if slot == 0 or not field.tsd[slot, j, i] < limit:
@@ -254,6 +257,7 @@ def decay_cell(field: Field, layer: int, iy: int, ix: int, factor: float, limit:
         return False
     field.tsd[slot, j, i] = math.nan
     field.weight[slot, j, i] = 0.0
+    field.likelihood[iy // LIKELIHOOD_STRIDE, ix // LIKELIHOOD_STRIDE] = 0.0
     return True
 
 

@@ -50,6 +50,7 @@ ORIGINAL_ROS_NAMES = RosNames(
         "sizeControlSet": 140,
         "ransac_phi_max": 30.0,
         "zrand": 0.25,
+        "truncation_radius": 3,
     },
 )
 ROS_NAMES = dataclasses.replace(
