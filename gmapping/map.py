@@ -71,8 +71,9 @@ class TileMap:
         low, high = poses[:, :2].min(axis=0) - radius, poses[:, :2].max(axis=0) + radius
         if not self.bounds.admits(Box(*low.tolist(), *high.tolist())):
             return
-        edge, old = self.tiles.resolution, self.tiles
-        added = self._storage.reach(Box(*(low - edge).tolist(), *(high + edge).tolist()))
+        old = self.tiles
+        margin = TILE_SIDE * old.resolution  # a point is written to cells around it
+        added = self._storage.reach(Box(*(low - margin).tolist(), *(high + margin).tolist()))
         if added is None:
             return
         below, left = (cells // TILE_SIDE for cells in added)

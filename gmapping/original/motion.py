@@ -1,4 +1,4 @@
-"""Motion between two scans: odometry, with the rotation by a gyro where a scan has it."""
+"""Motion between two scans, by odometry; the program has no input for a gyro."""
 
 from __future__ import annotations
 
@@ -7,37 +7,28 @@ import math
 import numpy as np
 
 from gmapping.original.params import OriginalParams
-from slams.types import IDENTITY, Floats, Pose2, Scan, wrap_angle
+from slams.types import IDENTITY, Floats, Pose2, Scan
 
 MAX_ODOMETRY_STEP = 10.0  # m between two scans; beyond it the odometry has jumped
 CROSS_AXIS_NOISE = 0.3  # of the noise by motion along one axis, on the other axis
 
 
 class Motion:
-    """Odometry and gyro, where a scan has them."""
+    """Odometry, where a scan has it."""
 
     def __init__(self, params: OriginalParams) -> None:
-        self.used = {"odometry": 0, "gyro": 0, "odometry_jumps": 0}
+        self.used = {"odometry": 0, "odometry_jumps": 0}
         self._params = params
         self._last: Scan | None = None
-        self._last_motion = IDENTITY
 
     def step(self, scan: Scan) -> Pose2 | None:
-        """The motion since the previous scan; None without odometry and gyro."""
+        """The motion since the previous scan; None without odometry."""
         last, self._last = self._last, scan
         if last is None:
-            return None if scan.odometry is None and scan.yaw is None else IDENTITY
+            return None if scan.odometry is None else IDENTITY
         step = self._odometry(last, scan)
         self.used["odometry"] += step is not None
-        if last.yaw is not None and scan.yaw is not None:
-            rotation = float(wrap_angle(scan.yaw - last.yaw))
-            step = (step or self._last_motion)._replace(theta=rotation)
-            self.used["gyro"] += 1
         return step
-
-    def learn(self, motion: Pose2) -> None:
-        """Store the motion that the filter found, for scans with a gyro alone."""
-        self._last_motion = motion
 
     def noise(self, step: Pose2) -> Floats:
         """Standard deviations of a step (3,): [Grisetti07] original code, linear in the step."""

@@ -49,7 +49,7 @@ class Original:
 
     def update(self, scan: Scan) -> Pose2:
         """Process a scan; returns the output particle's pose, between keyframes by odometry."""
-        before, p = self.pose, self.params
+        p = self.params
         step = self._motion.step(scan)
         if self._counts["scans"] > 0:
             self._move(step or IDENTITY)  # 1
@@ -63,7 +63,6 @@ class Original:
             rays, _ = end_points(scan, 0.0, p.max_range)
             self._renderer.add_keyframe(np.vstack([rays, scan.laser.mount[:2]]), self.pose)
         self._counts["scans"] += 1
-        self._motion.learn(before.between(self.pose))
         return self.pose
 
     def map(self) -> OccupancyGrid:
