@@ -41,22 +41,18 @@ class Redraw:
         self._keyframes = keyframes
         self.poses: list[Pose2] = []
 
-    @property
-    def done(self) -> bool:
-        """Whether all keyframes of the graph are in the map."""
-        return len(self.poses) == len(self._keyframes)
-
     def is_outdated(self, graph: PoseGraph) -> bool:
         """Whether the graph has moved a keyframe since it was inserted."""
         last = len(self.poses) - 1
         return last >= 0 and pose_distance(self.poses[last], graph.pose(last)) > MIN_CORRECTION
 
-    def insert(self, count: int, graph: PoseGraph) -> None:
-        """Insert the next `count` keyframes at their present poses."""
+    def insert(self, count: int, graph: PoseGraph) -> bool:
+        """Insert the next `count` keyframes at their present poses; whether all are in now."""
         first = len(self.poses)
         for k in range(first, min(first + count, len(self._keyframes))):
             self.poses.append(graph.pose(k))
             self.slam.insert_at(self._keyframes[k].scan, self.poses[k])
+        return len(self.poses) == len(self._keyframes)
 
 
 class Looped:
@@ -82,7 +78,7 @@ class Looped:
         self._previous_step = IDENTITY
         self._map_poses: list[Pose2] = []  # of all keyframes, in the algorithm's map
         self._keyframe_pose = IDENTITY  # of the last keyframe, in the algorithm's map
-        self._keyframe_variances = np.zeros(3)  # of the last keyframe's pose against the map
+        self._keyframe_covariance = np.zeros((3, 3))  # of the last keyframe's pose in the map
         self._jump = np.zeros(2)  # m, sum of the pose jumps since the last keyframe
         self._steps: list[tuple[int, Pose2]] = []  # of each scan from keyframe k; -1: from the map
         self._n_redrawn = 0
@@ -172,17 +168,12 @@ class Looped:
             self.graph.loops.append(edge)
             self._keyframe_pose, self._is_optimizing = moved, True
 
-    def _variances(self, theta: float) -> Floats:
-        """Variances (3,) of the pose against the map: along a heading, across it, of the yaw."""
+    def _covariance(self) -> Floats:
+        """Covariance (3, 3) of the pose against the map; 0 if the algorithm has none."""
         covariance = against_map(self.slam)
-        if covariance is None:
-            return np.zeros(3)
-        (xx, xy, _), (_, yy, _), (_, _, yaw) = covariance.tolist()
-        if not math.isfinite(xx + xy + yy + yaw):
-            return np.zeros(3)
-        c, s = math.cos(theta), math.sin(theta)
-        along = c * c * xx + 2.0 * c * s * xy + s * s * yy
-        return np.array((along, xx + yy - along, yaw))
+        if covariance is None or not np.isfinite(covariance).all():
+            return np.zeros((3, 3))
+        return np.array(covariance)
 
     def _add_keyframe(self, scan: Scan, pose: Pose2) -> None:
         """Add a keyframe, if one is due and the scan has enough end points.
@@ -200,13 +191,15 @@ class Looped:
         variances = np.array(BASE_STEP_STD) ** 2
         variances[:2] += p.drift**2 * distance + float(self._jump @ self._jump)
         variances[2] += p.heading_drift**2 * (distance + abs(step.theta))
-        now = self._variances(pose.theta)
+        covariance = self._covariance()
         # a match with an older part of the map moves the pose as far as these deviations fall
-        variances += np.abs(now - self._keyframe_variances)
+        change = covariance - self._keyframe_covariance
+        variances += np.abs(_variances(change, self._keyframe_pose.theta))
         self.graph.append(step, variances)
         self.keyframes.append(key)
         self._map_poses.append(pose)
-        self._keyframe_pose, self._keyframe_variances, self._jump = pose, now, np.zeros(2)
+        self._keyframe_pose, self._keyframe_covariance = pose, covariance
+        self._jump = np.zeros(2)
 
     def _twist(self, scan: Scan, pose: Pose2) -> Pose2:
         """The body twist since the previous scan [m/s, rad/s]."""
@@ -238,8 +231,8 @@ class Looped:
             self._redraw = Redraw(self._new_instance(), self.keyframes)
         if self._redraw is None:
             return pose
-        self._redraw.insert(4, self.graph)  # keyframes beside each scan
-        return self._switch_map(self._redraw, scan, pose) if self._redraw.done else pose
+        is_done = self._redraw.insert(4, self.graph)  # keyframes beside each scan
+        return self._switch_map(self._redraw, scan, pose) if is_done else pose
 
     def _switch_map(self, redraw: Redraw, scan: Scan, pose: Pose2) -> Pose2:
         """Continue in the new map; returns the corrected pose."""
@@ -255,6 +248,14 @@ class Looped:
         self._pause = 5 * self.graph.n  # scans, more than the redraw took
         self._n_redrawn += 1
         return corrected
+
+
+def _variances(covariance: Floats, theta: float) -> Floats:
+    """Variances (3,) by a covariance (3, 3): along a heading [rad], across it, of the yaw."""
+    (xx, xy, _), (_, yy, _), (_, _, yaw) = covariance.tolist()
+    c, s = math.cos(theta), math.sin(theta)
+    along = c * c * xx + 2.0 * c * s * xy + s * s * yy
+    return np.array((along, xx + yy - along, yaw))
 
 
 @cache
