@@ -59,7 +59,13 @@ class ScanTiming:
         if math.isnan(stamped):
             return 0.0
         stamped = min(max(stamped, -MAX_STAMP_INTERVAL), MAX_STAMP_INTERVAL)
+        if stamped < -MAX_LASER_PERIOD:  # the clock was set back
+            self._latency = 0.0
+            return self.interval
         self._count += 1
+        if self._count == 1:
+            self.interval = max(stamped, 0.0)
+            return self.interval
         share = max(1.0 / self._count, 1.0 / N_AVERAGED_INTERVALS)
         deviation = stamped - self.interval
         std = math.sqrt(self._variance)

@@ -60,6 +60,16 @@ def test_steady_stamps_and_a_gap_are_kept_and_stamps_that_go_back_give_an_interv
     assert (intervals((0.0, 0.1, 0.2, 0.1, 0.3)) > 0.0).all()
 
 
+@pytest.mark.parametrize("first", [0.001, -0.2, 0.1, 3.0])
+def test_the_first_interval_and_a_clock_that_is_set_back_are_no_jitter(first):
+    timing, stamps = ScanTiming(), np.concatenate([[-first], 0.1 * np.arange(200)])
+    stamps += np.random.default_rng(0).uniform(0.0, 0.01, len(stamps))
+    for t in (*stamps, *(stamps[1:] - 30.0)):
+        timing.elapsed(float(t))
+        assert timing.jitter < 0.01 or first == 3.0
+    assert timing.interval == pytest.approx(0.1, rel=0.05) and timing.jitter > 0.001
+
+
 @pytest.mark.parametrize(("along", "share"), [(0.002, 0.8), (0.0003, 0.0), (0.1, 1.0)])
 def test_errors_of_the_normals_of_a_map_give_no_information(along, share):
     seen = match_observability(1e6 * np.diag((along, 1.0, 1.0)))
