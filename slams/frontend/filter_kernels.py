@@ -263,6 +263,7 @@ def predict(
             readings[i, USED_VARIANCE] = readings[i, VARIANCE] * learned[1, i]
             residual = linearize(z, dt, i, readings, buffer[2])
             if abs(readings[i, RATE_CHANGE]) > MAX_RATE_CHANGE:
+                residual += z[DELAY] * readings[i, RATE_CHANGE]  # it has no delay
                 buffer[2, SCALE:] = 0.0
                 isolate(P, STEP)
             inflate(P, i, residual * residual, readings, buffer)

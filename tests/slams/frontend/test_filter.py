@@ -256,6 +256,16 @@ def test_a_jump_and_the_way_back_leave_twist_and_calibration(axis, speed, wheels
     np.testing.assert_allclose(twists[20:], speed, rtol=0.04)
 
 
+def test_a_jump_of_the_wheels_is_not_delayed_as_their_other_steps_are():
+    for change, expected in ((-4.5, -0.4), (-2.0, -0.2)):
+        z, P, readings = np.zeros(kernels.N), np.diag([100.0] * 9 + [1e-12] * 5), np.zeros((4, 7))
+        z[kernels.DELAY] = 0.1
+        readings[0, :4] = 1.0, -0.4, 1e-8, change
+        learned = np.concatenate([np.full((1, 4), 1.0), np.ones((1, 4))])
+        kernels.predict(z, P, np.zeros((3, 3)), 0.1, learned, np.ones(3), readings)
+        assert z[0] == pytest.approx(expected, abs=0.02)
+
+
 def test_a_map_that_drifts_with_its_matches_constrains_the_gyro_bias_little():
     """Matches within 2 mrad of a map made of them: the walks of map and bias are left after 5 s."""
     motion = MotionFilter(FrontendParams())
