@@ -39,7 +39,7 @@ class EndPoints:
         self.params = params
         self.n = 0
         self.radius = 0.0
-        self._noise = RangeNoise(params, np.zeros(0, np.float32))
+        self._noise = RangeNoise(params)
         self._noises: dict[Pose2, RangeNoise] = {}  # of each laser, by its mount
         self._interval, self._t = MovingAverage(INTERVAL_MEAN_TIME), math.inf
         self._has_moments = self._has_normals = self._has_chords = False
@@ -59,7 +59,7 @@ class EndPoints:
             self._adopt(laser, scan.ranges)
         self._has_moments = self._has_normals = self._has_chords = False
         self.n, self.radius = kernels.end_points(
-            scan.ranges,
+            scan.ranges[: laser.n_beams],
             self._directions,
             laser.mount,
             self._limits,
@@ -71,7 +71,7 @@ class EndPoints:
         if leveled is not None:
             self.n, self.radius, self.mount = leveled
         beams = self.points, self.n, self.mount, self.step
-        self._noise.measure(scan.t, *beams, self._scratch)
+        self._noise.measure(scan, *beams, self._scratch)
         self._measure_interval(scan.t)
         window = max(self.params.normal_window, WINDOW_DEVIATIONS * self.noise)
         gap = max(MIN_GAP_THRESHOLD, GAP_DEVIATIONS * self.noise)
@@ -149,7 +149,7 @@ class EndPoints:
         if laser.mount not in self._noises:
             if len(self._noises) == MAX_LASERS:
                 self._noises.clear()
-            self._noises[laser.mount] = RangeNoise(self.params, ranges)
+            self._noises[laser.mount] = RangeNoise(self.params)
         self._noise = self._noises[laser.mount]
         self._directions = laser.directions
         self.has_sweep = self.params.deskew and laser.time_increment > 0.0

@@ -29,8 +29,8 @@ class MovingAverage:
         return 0.0 <= t - self._t < FRESH_TIME
 
     def add(self, value: float, t: float) -> None:
-        """Add the measurement of the scan of time `t` [s], once per scan."""
-        if t == self._t:
+        """Add the measurement of the scan of time `t` [s], once per scan; unless `t` is nan."""
+        if t == self._t or not math.isfinite(t):
             return
         self._scans += 1
         dt = min(max(t - self._t, 0.0), MAX_WEIGHT_TIME)

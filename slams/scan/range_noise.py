@@ -10,7 +10,7 @@ from slams.scan.moving_average import MovingAverage
 from slams.scan.noise_kernels import beyond_chords
 from slams.scan.params import ScanParams
 from slams.scan.scan_kernels import Points
-from slams.types import Pose2, Ranges
+from slams.types import Pose2, Ranges, Scan
 
 MAX_CHORD = 0.1  # m between two neighbors of a beam, or as far as beams are apart on a slanted wall
 OUTLIER_DEVIATIONS = 3.0  # of the noise: a beam farther from its neighbors' line is off their wall
@@ -19,8 +19,8 @@ MIN_NOISE_SAMPLES = 10  # triples of beams that an estimate of the noise needs
 TRUNCATED_MEDIAN = 0.6724  # median absolute normal deviate within `OUTLIER_DEVIATIONS`
 CHORD_DISTANCE_STD = math.sqrt(1.5)  # of a beam minus the mean of two others, per beam's deviation
 NOISE_MEAN_TIME = 1.0  # s: five scans of a slow laser; a robot moves by its length
-GROWTH_MEAN_TIME = 10.0  # s: whether the noise grows with the range is a property of the laser
-MIN_GROWING_SHARE = 0.5  # of the variance at the typical range: far walls look rough to any laser
+GROWTH_GAIN = 0.05  # of one scan: whether the noise grows with the range is the laser's property
+MIN_GROWING_SHARE = 0.7  # of the variance at the typical range: far walls look rough to any laser
 
 
 class RangeNoise:
@@ -28,15 +28,14 @@ class RangeNoise:
 
     Args:
         params: limits of the noise, and its value before the first scan.
-        ranges: (n,) [m] of the laser's first scan.
     """
 
-    def __init__(self, params: ScanParams, ranges: Ranges) -> None:
+    def __init__(self, params: ScanParams) -> None:
         self._params = params
         self._std = MovingAverage(NOISE_MEAN_TIME, params.range_noise)
-        self._growing_share = MovingAverage(GROWTH_MEAN_TIME)
-        self._range = MovingAverage(GROWTH_MEAN_TIME)
-        self._step = rounding_step(ranges)
+        # rms range [m], variance of distances from chords there, and the part of it that grows
+        self._typical = self._variance = self._growing = 0.0
+        self._step = 0.0  # m, that ranges are rounded to
         self._halves = np.zeros((2, 3))
 
     @property
@@ -47,17 +46,20 @@ class RangeNoise:
     @property
     def typical_range(self) -> float:
         """Range [m] at which the noise is `std`; 0 if the noise is the same at all ranges."""
-        return self._range.value if self._growing_share.value > MIN_GROWING_SHARE else 0.0
+        grows = self._growing > MIN_GROWING_SHARE * self._variance
+        return self._typical if grows else 0.0
 
     def measure(
-        self, t: float, points: Points, n: int, mount: Pose2, step: float, scratch: Points
+        self, scan: Scan, points: Points, n: int, mount: Pose2, step: float, scratch: Points
     ) -> None:
-        """Add the noise of the scan of time `t` [s], by the median distance from chords."""
-        if self._std.is_fresh(t):
+        """Add the noise of a scan, by the median distance of its end points from chords."""
+        if self._std.is_fresh(scan.t):
             return
-        distances, halves, typical = scratch[0], self._halves, self._range.value
-        limits = MAX_CHORD, max(OUTLIER_DEVIATIONS * self.std, 1.5 * self._step)
-        count = beyond_chords(points, n, mount, step, limits, typical, distances, halves)
+        if self._step == 0.0:
+            self._step = rounding_step(scan.ranges)
+        limit = max(OUTLIER_DEVIATIONS * self.std, 1.5 * self._step)
+        limits, distances, halves = (MAX_CHORD, limit, self._typical), scratch[0], self._halves
+        count = beyond_chords(points, n, mount, step, limits, distances, halves)
         if count < MIN_NOISE_SAMPLES:
             return
         half = count // 2
@@ -65,33 +67,36 @@ class RangeNoise:
         if median < 0.5 * self._step:  # most are rounded to 0: the median of grouped data
             median = 0.25 * self._step * count / int((distances[:count] < 0.5 * self._step).sum())
         else:
-            self._measure_growth(t)
+            self._measure_growth()
         noise, p = median / (TRUNCATED_MEDIAN * CHORD_DISTANCE_STD), self._params
-        self._std.add(min(max(noise, p.quietest), p.noisiest), t)
-        self._range.add(math.sqrt(float(halves[:, 2].sum()) / count), t)
+        self._std.add(min(max(noise, p.quietest), p.noisiest), scan.t)
 
-    def _measure_growth(self, t: float) -> None:
-        """Add the share of the variance that grows as the square of the range.
+    def _measure_growth(self) -> None:
+        """Measure how much of the variance grows as the square of the range.
 
-        ours: by the variances of the nearer and of the farther half of the beams.
+        ours: from the variances of the nearer and of the farther beams on straight walls, as legs
+        of people are near and smooth.
         """
         (n, near, near_square), (m, far, far_square) = self._halves.tolist()
-        if min(n, m) < MIN_NOISE_SAMPLES:
-            return
-        near, far = (near / n) ** 2, (far / m) ** 2
-        slope = (far - near) / (far_square / m - near_square / n)
-        growing = slope * self._range.value**2
-        total = near + growing - slope * near_square / n  # at the typical range
-        self._growing_share.add(min(max(growing / total, 0.0), 1.0), t)
+        if min(n, m) >= MIN_NOISE_SAMPLES:
+            near, far = (near / n) ** 2, (far / m) ** 2
+            slope = (far - near) / (far_square / m - near_square / n)
+            growing = slope * self._typical**2
+            variance = near + growing - slope * near_square / n
+            self._variance += (variance - self._variance) * (GROWTH_GAIN if self._variance else 1.0)
+            self._growing += GROWTH_GAIN * (growing - self._growing)
+        if n + m > 0.0:
+            typical = math.sqrt((near_square + far_square) / (n + m))
+            self._typical += (typical - self._typical) * (GROWTH_GAIN if self._typical else 1.0)
 
 
 def rounding_step(ranges: Ranges) -> float:
     """The step that all ranges (n,) [m] are rounded to [m]: their greatest common divisor.
 
-    At least `ROUNDING_UNIT`, the step of ranges that are not rounded, or are too few.
+    `ROUNDING_UNIT` if they are not rounded, 0 if they are too few.
     """
     gaps = np.diff(ranges[np.isfinite(ranges)].astype(np.float64))
     multiples = np.round(gaps / ROUNDING_UNIT).astype(np.int64)
     if np.count_nonzero(multiples) < MIN_NOISE_SAMPLES:
-        return ROUNDING_UNIT
+        return 0.0
     return ROUNDING_UNIT * max(int(np.gcd.reduce(multiples)), 1)

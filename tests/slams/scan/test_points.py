@@ -85,10 +85,10 @@ def test_a_point_is_brought_along_the_arc_to_the_middle_of_the_sweep():
 def test_noise_is_what_is_left_of_straight_walls():
     rng, wall = np.random.default_rng(0), np.linspace(-1.0, 1.0, 301)
     points = np.stack([np.full(301, 2.0), wall, np.arange(301.0), np.ones(301)])
-    out, halves, scan = np.zeros(301), np.zeros((2, 3)), (301, IDENTITY, 0.0)
+    out, halves = np.zeros(301), np.zeros((2, 3))
     for chord, n in ((0.1, 100), (0.01, 0)):
-        assert beyond_chords(points, *scan, (chord, 0.1), 0.0, out, halves) == n
-    beyond_chords(points, 301, Pose2(0.5, 0.3, 0.0), 0.0, (0.1, 0.1), 0.0, out, halves)
+        assert beyond_chords(points, 301, IDENTITY, 0.0, (chord, 0.1, 0.0), out, halves) == n
+    beyond_chords(points, 301, Pose2(0.5, 0.3, 0.0), 0.0, (0.1, 0.1, 0.0), out, halves)
     assert np.abs(out).max() < 1e-12
     lidar = laser(1441)
     for noise, found in ((0.02, 0.02), (0.3, 0.15), (0.0, 0.001)):
@@ -117,7 +117,7 @@ def test_noise_of_rounded_ranges_is_theirs_and_that_of_the_rounding(noise, step,
         assert rounding_step(rounded) == pytest.approx(step)
         ends.read(Scan(0.1 * k, rounded, lidar), IDENTITY)
     assert ends.noise == pytest.approx(expected, rel=0.15)
-    assert rounding_step(rounded[:5]) == ROUNDING_UNIT
+    assert rounding_step(rounded[:5]) == 0.0
 
 
 @pytest.mark.parametrize(("share", "constant"), [(0.01, 0.0), (0.01, 0.01), (0.0, 0.02)])
@@ -310,7 +310,15 @@ def test_a_recent_measurement_is_fresh_unless_the_clock_went_back():
     average = MovingAverage(1.0)
     assert not average.is_fresh(3.0)
     average.add(1.0, 3.0)
+    average.add(9.0, math.nan)
     assert [average.is_fresh(t) for t in (3.0, 3.05, 3.1, 2.9)] == [True, True, False, False]
+    assert average.value == 1.0
+
+
+def test_a_scan_of_more_ranges_than_its_laser_has_beams_is_cut():
+    ends, lidar = EndPoints(ScanParams()), laser(5)
+    ends.read(Scan(0.0, np.ones(5, np.float32), lidar), IDENTITY)
+    assert ends.read(Scan(0.1, np.ones(9, np.float32), lidar), IDENTITY).n == 5
 
 
 def test_company_may_be_four_beams_away_but_not_five():
