@@ -88,7 +88,8 @@ def add_to_cell(cells: LineCells, ix: int, iy: int, hits: Hits, update: LineUpda
         along = mx * hits.nx + my * hits.ny
         if w > 0.0 and (along <= 0.0 or along * along < 0.5 * (mx * mx + my * my)):
             continue
-        keep = (update.cap - hits.n) / w if w > update.cap - hits.n else 1.0
+        room = max(update.cap - hits.n, 0.0)
+        keep = room / w if w > room else 1.0
         terms = (1.0, hits.x - cx, hits.y - cy, hits.nx, hits.ny)
         for i in range(5):
             sums[row, k + i] = keep * sums[row, k + i] + hits.n * terms[i]

@@ -130,6 +130,9 @@ def test_a_line_of_one_scan_alone_has_low_confidence():
 
 def test_beyond_its_cap_a_line_follows_slowly():
     lines, update = blank(), update_of(cap=10.0)
+    for n in (12.0, 1e6):  # more hits than the cap
+        add_to_cell(lines.cells, 119, 119, hit(n), update)
+        assert np.isfinite(row_of(lines, 119, 119)).all()
     for y in (0.0, 0.02):
         add_to_cell(lines.cells, 120, 120, hit(8.0, 0.0, y), update)
     assert lines.cells.sums[lines.cells.slot[120, 120], 0] == pytest.approx(10.0)
