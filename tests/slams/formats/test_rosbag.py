@@ -322,6 +322,14 @@ def test_other_beams_give_the_nearest_reading_and_none_where_there_is_none(tmp_p
     assert last[2:].tolist() == row[:8].tolist()
 
 
+def test_drivers_that_measure_each_sweep_are_deskewed_by_the_median(tmp_path):
+    def scan(make, i, t):
+        return make.scan(t, ranges()[i], beam=1e-3 + 1e-5 * i if i else 0.1)
+
+    log = slams.load(bags.write(tmp_path, "mcap", each("/scan", scan)))
+    assert log.laser.time_increment == pytest.approx(1.06e-3)
+
+
 def test_the_first_echo_counts_and_none_is_nothing_seen(tmp_path):
     echoes = each("/echoes", lambda make, _, t: make.echoes(t, [[2.0, 3.0], [], [4.0]]))
     log = slams.load(bags.write(tmp_path, "mcap", echoes))
