@@ -104,6 +104,15 @@ def test_truth_is_interpolated_over_the_unwrapped_angle_and_never_extrapolated()
     assert abs(poses[1, 2]) == pytest.approx(np.pi)
 
 
+@pytest.mark.parametrize(("period", "longest"), [(0.1, 1.0), (1.0, 5.0)])
+def test_in_a_gap_of_the_truth_only_its_ends_are_known(period, longest):
+    for gap in (0.99 * longest, 1.01 * longest):
+        t = np.append(period * np.arange(9), 8 * period + gap)
+        asked = np.array([0.5 * period, t[-2], t[-2] + 0.5 * gap, t[-1]])
+        found = TimeSeries(t, np.zeros((10, 3))).known_poses_at(asked)
+        assert np.isfinite(found[:, 0]).tolist() == [True, True, gap < longest, True]
+
+
 def test_odometry_and_yaw_are_also_looked_up_at_the_middle_of_a_sweep(tmp_path):
     signals = {
         "odom_t": np.array([0.0, 0.06, 0.1, 0.2, 0.21]),
