@@ -46,6 +46,11 @@ def test_load(tmp_path):
     assert scans[0].ranges.dtype == np.float32
 
 
+def test_beams_of_a_revolution_may_overlap(tmp_path):
+    ranges = np.ones((3, 14))
+    assert len(load(written(tmp_path, angle_increment=np.pi / 6, ranges=ranges))) == 3
+
+
 def test_attitude_and_heights_are_read_looked_up_and_written(tmp_path):
     said = np.array([[0.0, 0.1], [0.2, 0.3], [np.nan, 0.0], [0.0, 0.0]])
     stamps = np.array([0.0, 0.2, 0.9, 1.0])
@@ -170,6 +175,7 @@ def test_a_log_that_begins_late_keeps_tracks_of_other_rates(tmp_path):
         ({"ranges": np.zeros((3, 0))}, "at least one"),
         ({"ranges": np.array([["a", "b"]] * 3)}, "ranges: got <U1 values, expected numbers"),
         ({"angle_increment": 0.0}, "angle_increment: got 0.0"),
+        ({"angle_increment": 1.0, "ranges": np.ones((3, 181))}, "got 1.0, .* a fan below 7 rad"),
         ({"range_max": 0.05}, "range_min, range_max"),
         ({"time_increment": -1.0}, "time_increment: got -1.0"),
         ({"mount": np.zeros(2)}, r"mount: got \(2,\), expected \(3,\)"),

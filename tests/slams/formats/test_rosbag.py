@@ -364,7 +364,8 @@ def test_what_is_assumed_is_said(messages, note, tmp_path):
 
 
 def long_drive(make):
-    return [("/scan", t, make.scan(t, ranges(1, 500)[0])) for t in 1e9 + 0.1 * np.arange(300)]
+    row, t = ranges(1, 500)[0], 1e9 + 0.1 * np.arange(300)
+    return [("/scan", one, make.scan(one, row, angles=(-1.5, 0.01))) for one in t]
 
 
 DAMAGE = {"bag": "rosbag reindex", "mcap": "mcap recover", "db3": ".recover"}
