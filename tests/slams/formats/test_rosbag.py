@@ -197,7 +197,11 @@ rear = each("/rear", lambda make, _, t: make.scan(t, ranges()[0], "rear"))
 unplaced = together(tree(MOUNT), rear)
 
 
+in_turn = each("/scan", lambda make, i, t: make.scan(t, [1.0], f"laser{i % 2}"))
+
+
 REFUSED = [
+    (in_turn, {}, "/scan: got scans in 2 frames (laser0, laser1), expected those of one laser"),
     (unplaced, BOTH, "a further laser's frame rear is not fixed to base_link; frames: base_link"),
     (LASERS, {}, "2 laser scan topics, --scan-topic picks one: /front (12), /rear (12)"),
     (drive, {"scan_topic": "/odom"}, "no laser scans on /odom; there are: /scan (12)"),
@@ -348,6 +352,7 @@ first_empty = each("/scan", lambda make, i, t: make.scan(t, [1.0] * 3 if i else 
     [
         (scans_on("/scan"), "no transform from a base to the laser's frame 'laser'"),
         (tree((*MOUNT[:4], math.radians(30.0))), "the laser is tilted by 30 degrees"),
+        (tree(MOUNT, ("odom", "base_link", (0, 0, 0), 0.0, 0.0)), "odom does not move and is no"),
         (each("/scan", lambda make, *_: make.scan(0.0, [1.0])), "the times of recording"),
         (scans(beam=0.1), "does not fit a scan every 0.1 s; scans are taken as instantaneous"),
         (scans(limits=(0.1, 0.0)), "range_max is 0; 1.00 m is used instead"),
@@ -360,7 +365,7 @@ def test_what_is_assumed_is_said(messages, note, tmp_path):
     log = slams.load(bags.write(tmp_path, "bag", messages))
     assert note in " ".join(log.notes)
     assert log.t == pytest.approx(T[-len(log) :], abs=1e-6) and N - 1 <= len(log) <= N
-    assert log.laser.time_increment == 0.0
+    assert log.laser.time_increment == 0.0 and log.odom is None
 
 
 def long_drive(make):
