@@ -182,11 +182,30 @@ NO_NAMES = (("a", "b", (1.0, 0.0, 0.0), 0.0, 0.0), ("b", "laser", (1.0, 0.0, 0.0
         (CHAIN, "mast", (0.5, 0.0, 0.1)),
         (NO_NAMES, "/a", (2.0, 0.0, 0.0)),
         (NO_NAMES[1:], None, (1.0, 0.0, 0.0)),
+        (
+            (MOUNT, CHAIN[1], ("base_link", "laser", (1.0, 0.0, 0.0), 0.0, 0.0)),
+            None,
+            (1.0, 0.0, 0.0),
+        ),
     ],
 )
 def test_the_mount_is_a_chain_of_transforms(static, base, mount, tmp_path):
     log = slams.load(bags.write(tmp_path, "mcap", tree(*static)), base_frame=base)
     assert log.laser.mount == pytest.approx(mount)
+
+
+def test_of_several_robots_the_transforms_beside_the_scans_count(tmp_path):
+    def robot(name, x):
+        mount = ("base_link", "laser", (x, 0.0, 0.0), 0.0, 0.0)
+        way = [lambda i: ("odom", "base_link", (x * i, 0.0, 0.0), 0.0, 0.0)]
+        messages = tree(mount, moving=way)
+        return lambda make: [(f"/{name}{topic}", t, one) for topic, t, one in messages(make)]
+
+    path = bags.write(tmp_path, "mcap", together(robot("r1", 0.1), robot("r2", 0.2)))
+    for name, x in (("r1", 0.1), ("r2", 0.2)):
+        log = slams.load(path, scan_topic=f"/{name}/scan")
+        assert log.laser.mount.x == pytest.approx(x)
+        assert log.odom.values[:, 0] == pytest.approx(x * np.arange(N))
 
 
 LASERS = scans_on("/front", "/rear")
