@@ -66,7 +66,9 @@ def _others(
     found = read_foreign(*given, labels, arguments.logs[0], choice.options)
     log = logs[0]
     return [
-        with_consistency(foreign_case(one, log, choice.relations), log, one.track.poses_at(log.t))
+        with_consistency(
+            foreign_case(one, log, choice.relations), log, one.track.known_poses_at(log.t)
+        )
         for one in found
     ]
 

@@ -92,7 +92,7 @@ def _of_log(log: ScanLog) -> Iterator[str]:
     """The scans and signals of a log, the assumptions, and the commands that can use it."""
     yield from described(log).split("\n")
     source = log.meta.get("source")
-    if isinstance(source, dict) and "base_frame" in source:
+    if isinstance(source, dict) and {"scans", "laser_frame", "base_frame"} <= source.keys():
         yield f"frames: scans {source['scans']} in {source['laser_frame']}"
         yield f"frames: poses are of {source['base_frame']}"
     yield from _timing(log)

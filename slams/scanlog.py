@@ -154,7 +154,7 @@ class ScanLog:
 
     def truth_at(self, t: Floats) -> Floats | None:
         """True poses (n, 3) at the stamps t (n,), nan where not covered; None without truth."""
-        return None if self.truth is None else self.truth.poses_at(np.asarray(t, np.float64))
+        return None if self.truth is None else self.truth.known_poses_at(np.asarray(t, np.float64))
 
     def select(self, limit: int | None = None, every: int = 1, odometry: bool = True) -> ScanLog:
         """The first `limit` of every `every`-th scan, with or without odometry and gyro."""

@@ -10,6 +10,7 @@ import numpy as np
 from slams.types import Floats, wrap_angle
 
 MAX_ATTITUDE_GAP = 0.5  # s between two attitudes; none is interpolated in a longer gap
+MAX_GAP, MAX_GAP_PERIODS = 1.0, 5.0  # s, median periods; a longer gap of the truth is not bridged
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,16 @@ class TimeSeries:
         columns = (values[:, 0], values[:, 1], np.unwrap(values[:, 2]))
         poses = np.stack([_between(t, stamps, column) for column in columns], axis=1)
         poses[:, 2] = wrap_angle(poses[:, 2])
+        return poses
+
+    def known_poses_at(self, t: Floats) -> Floats:
+        """Poses as `poses_at`, nan also in gaps of the recording."""
+        poses, stamps = self.poses_at(t), np.unique(self.t)
+        if len(stamps) > 1:
+            steps = np.diff(stamps)
+            wide = steps > max(MAX_GAP, MAX_GAP_PERIODS * float(np.median(steps)))
+            before = np.clip(np.searchsorted(stamps, t) - 1, 0, len(steps) - 1)
+            poses[wide[before] & ~np.isin(t, stamps)] = np.nan
         return poses
 
     def attitudes_at(self, t: Floats) -> Floats:

@@ -13,6 +13,7 @@ MAX_POSE_VALUE = 1e7  # m, rad, rad/s of poses and rates; UTM coordinates are sm
 MAX_LASER_RANGE = 1e3  # m; drivers write larger ones for "no limit"
 MAX_SWEEP_TIME = 60.0  # s from the first beam of a scan to the last
 MAX_MOUNT_OFFSET = 100.0  # m from the base to a laser
+MAX_FAN = 7.0  # rad from the first beam to the last: a revolution and some overlap, not degrees
 MAX_BEAMS = 1 << 16
 UNITS_PER_SECOND = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
 MIN_UNIX_STAMP = 1e8  # s since 1970, the year 1973: before any recording of a laser
@@ -67,9 +68,10 @@ def check_laser(laser: Laser) -> None:
     beams = f"at least one and at most {MAX_BEAMS}"
     expect(1 <= laser.n_beams <= MAX_BEAMS, "ranges", f"{laser.n_beams} beams", beams)
     expect(abs(laser.angle_min) < 100.0, "angle_min", laser.angle_min, "radians")
-    valid = 1e-6 < abs(laser.angle_increment) < 7.0 or laser.n_beams == 1
-    step = "a step between the beams in radians, not 0"
-    expect(valid, "angle_increment", laser.angle_increment, step)
+    step, n = abs(laser.angle_increment), laser.n_beams
+    valid = n == 1 or (step > 1e-6 and step * (n - 1) < MAX_FAN)
+    fan = f"a step between the beams in radians, not 0, and a fan below {MAX_FAN:g} rad"
+    expect(valid, "angle_increment", laser.angle_increment, fan)
     limits = (laser.range_min, laser.range_max)
     bounds = f"0 <= min < max <= {MAX_LASER_RANGE:g} m"
     expect(0.0 <= limits[0] < limits[1] <= MAX_LASER_RANGE, "range_min, range_max", limits, bounds)

@@ -185,9 +185,13 @@ def test_compare_takes_the_files_of_ros_nodes(log_file, tmp_path, capsys):
 
 
 def test_compare_survives_a_log_of_one_scan_and_a_truth_beside_it(log_file, tmp_path, capsys):
-    rewritten(log_file, tmp_path / "beside.npz", truth_t=load_npz(log_file).t + 1e6)
+    truth, part = load_npz(log_file).truth, np.r_[:15, 45:60]
+    rewritten(log_file, tmp_path / "beside.npz", truth_t=truth.t + 1e6)
+    known = {"truth": truth.values[part], "truth_t": truth.t[part]}
+    rewritten(log_file, tmp_path / "gap.npz", **known)
     for log, sentence in (
         (tmp_path / "beside.npz", "note: the truth covers 0 of 60 scans"),
+        (tmp_path / "gap.npz", "note: the truth covers 30 of 60 scans; the others do not count"),
         (log_file, "note: one scan only"),
     ):
         more = ["--limit", "1"] if log is log_file else []

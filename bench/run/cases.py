@@ -81,7 +81,7 @@ def facts(log: ScanLog) -> dict[str, Any]:
     if len(log) == 1:
         entry["notes"].append("one scan only: there is no motion to compare")
     if log.truth is not None:
-        covered = int(np.isfinite(log.truth.poses_at(log.t)[:, 0]).sum())
+        covered = int(np.isfinite(log.truth.known_poses_at(log.t)[:, 0]).sum())
         if covered < len(log):
             entry["notes"].append(
                 f"the truth covers {covered} of {len(log)} scans; the others do not count"

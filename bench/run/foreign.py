@@ -139,7 +139,7 @@ def _frame(t: Floats, poses: Floats, log: ScanLog) -> Pose2:
 
 def _by_relations(foreign: Foreign, log: ScanLog, relations: Floats, row: Row) -> Row:
     """Errors of the relations, with poses interpolated at the stamps of the scans."""
-    at_scans = foreign.track.poses_at(log.t)
+    at_scans = foreign.track.known_poses_at(log.t)
     known = np.isfinite(at_scans[:, 0])
     found = judged(log, log.t[known], at_scans[known], relations, {})
     loss = row["loss"] if row["errors"] else found["loss"]

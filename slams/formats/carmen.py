@@ -30,6 +30,7 @@ from slams.validation import MAX_POSE_VALUE, MAX_STAMP
 
 LASER_MESSAGE = re.compile(r"(FLASER|RLASER|RAWLASER\d|ROBOTLASER\d)$")
 FRONT_LASERS = ("ROBOTLASER1", "FLASER", "RAWLASER1")  # the same laser; the first has most data
+REAR_LASERS = ("ROBOTLASER2", "RLASER", "RAWLASER2")  # look backward
 N_TRAILING_WORDS = 3
 SICK_RANGE_MIN, SICK_RANGE_MAX = 0.1, 81.0  # m, of a SICK; FLASER lines have none
 MOUNT_TOLERANCE = 2e-3  # [m, rad] that a laser on its robot seems to move by rounding
@@ -124,13 +125,13 @@ class Lines:
             message: laser,
         }
 
-    def number(self, name: str, default: float) -> float:
-        """A parameter that is a positive number, else the default."""
+    def number(self, name: str, default: float, above: float = 0.0) -> float:
+        """A parameter that is a number greater than `above`, else the default."""
         try:
             value = float(self.params[name])
         except (KeyError, ValueError):
             return default
-        return value if math.isfinite(value) and value > 0.0 else default
+        return value if math.isfinite(value) and value > above else default
 
     def _add_param(self, words: list[str]) -> None:
         if len(words) > 2:  # a parameter can be empty
@@ -208,7 +209,8 @@ def _expect(complete: bool) -> None:
 def _mount(lines: Lines, notes: list[str]) -> Pose2:
     """The laser's pose on the robot, from the poses of both if it is constant."""
     mounts = [robot.between(laser) for laser, robot in lines.poses]
-    offset = Pose2(lines.number("robot_frontlaser_offset", 0.0), 0.0, 0.0)
+    side, theta = ("rear", math.pi) if lines.message in REAR_LASERS else ("front", 0.0)
+    offset = Pose2(lines.number(f"robot_{side}laser_offset", 0.0, -math.inf), 0.0, theta)
     if not mounts:
         return offset
     median = Pose2(*np.median(np.array(mounts), axis=0).tolist())

@@ -106,7 +106,7 @@ class Transforms:
         t = series[fastest].t
         poses = np.zeros((len(t), 3))
         for k, one in enumerate(series):
-            poses = composed(poses, one.poses_at(t) if k in moving else one.values[:1])
+            poses = composed(poses, one.poses_at(t) if k in moving else one.values[-1:])
         covered = np.isfinite(poses).all(axis=1)
         return TimeSeries(t[covered], poses[covered]) if covered.any() else None
 
@@ -143,7 +143,8 @@ class Transforms:
         names = self.ancestors(frame)
         found = {names[0]: np.eye(4)}
         for child, parent in pairwise(names):
-            found[parent] = _matrix(self.samples[parent, child][0]) @ found[child]
+            latest = self.samples[parent, child][-1]  # as in tf2
+            found[parent] = _matrix(latest) @ found[child]
         return found
 
 

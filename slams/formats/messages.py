@@ -43,13 +43,17 @@ class Messages:
     def collect(self, types: Mapping[str, Collection[str]]) -> None:
         """Read the transforms, and the messages of topics with the given types.
 
-        Of the paths on a topic only the last is read.
+        Of the paths on a topic only the last is read. Transforms come from the scans' namespaces,
+        if there are any, as each of several robots has its own.
 
         Raises:
             DamagedError: a message cannot be read.
         """
         tf_topics = [topic.name for topic in self._bag.topics if topic.msgtype in ros.TF_TYPES]
-        types = dict(types) | dict.fromkeys(tf_topics, ros.TF_TYPES)
+        scans = [name for name, kinds in types.items() if kinds == ros.SCAN_TYPES]
+        spaces = {name: name[: name.rfind("/") + 1] for name in tf_topics}
+        own = [name for name in tf_topics if any(scan.startswith(spaces[name]) for scan in scans)]
+        types = dict(types) | dict.fromkeys(own or tf_topics, ros.TF_TYPES)
         paths: dict[str, ros.Record] = {}
         for record in self._bag.records(types):
             if record.msgtype == ros.PATH_TYPE:  # each path repeats the poses of earlier ones

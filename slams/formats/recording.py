@@ -20,6 +20,7 @@ from slams.formats.topics import Roles, shortened, topic_list
 from slams.ros.messages import IMU_TYPE, ODOMETRY_TYPE, POSE_TYPES, SCAN_TYPES
 from slams.scanlog import ScanLog, TimeSeries
 from slams.types import IDENTITY
+from slams.validation import expect
 
 Result = TypeVar("Result")
 
@@ -140,7 +141,10 @@ class Recording:
             raise ValueError(f"no scan of {topic} has beams")
         if not any(row.stamp for row in self.messages.rows[topic]):
             self.notes.append("scans have no stamps; the times of recording are used")
-        mount = self._laser_mount(self.messages.frame(topic))
+        frames = sorted({without_slash(row.frame) for row in self.messages.rows[topic]})
+        given = f"scans in {len(frames)} frames ({shortened(frames)})"
+        expect(len(frames) == 1, topic, given, "those of one laser; each laser needs its own topic")
+        mount = self._laser_mount(frames[0])
         return resampled(good, mount if tilts else mount._replace(z=0.0), self.notes)
 
     # frames
@@ -198,6 +202,9 @@ class Recording:
         wanted = self.options.odom
         if self.roles.odom is None and wanted is None:
             frames = [frame for frame in self._frames_above() if "odom" in frame.lower()]
+            if still := [frame for frame in frames if frame in self.tree.ancestors(self.base)]:
+                self.notes.append(f"{shortened(still)} does not move and is no odometry")
+                frames = [frame for frame in frames if frame not in still]
             if len(frames) > 1:
                 text = f"{len(frames)} odometry frames, --odom picks one (or none)"
                 raise ValueError(f"{text}: {shortened(frames)}")

@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from slams.formats import carmen, recording, trajectory
 from slams.formats.kind import BAG_KINDS, kind_of
 from slams.formats.options import SourceOptions, name_in_errors
@@ -115,6 +117,8 @@ def _uncovered(log: ScanLog) -> list[str]:
     for name, one in series.items():
         if one is not None:
             inside = int(((log.t >= one.t.min()) & (log.t <= one.t.max())).sum())
+            if one is log.truth:  # only there is a gap not bridged
+                inside = int(np.isfinite(one.known_poses_at(log.t)[:, 0]).sum())
             if inside < MIN_COVERED_SHARE * len(log):
                 notes.append(f"{name} covers {inside} of {len(log)} scans")
     return notes

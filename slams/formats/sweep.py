@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from statistics import median_low
 from typing import NamedTuple
 
 import numpy as np
@@ -105,7 +106,9 @@ def _most_common(sweeps: Sequence[Sweep]) -> Laser:
     """The most frequent geometry, up to the drivers' rounding of angles; else the first one."""
     rounded = Counter(_rounded(sweep.geometry) for sweep in sweeps)
     best = rounded.most_common(1)[0][0]
-    exact = Counter(sweep.geometry for sweep in sweeps if _rounded(sweep.geometry) == best)
+    same = [sweep.geometry for sweep in sweeps if _rounded(sweep.geometry) == best]
+    increment = median_low([one.time_increment for one in same])  # some drivers measure each sweep
+    exact = Counter(replace(one, time_increment=increment) for one in same)
     return exact.most_common(1)[0][0]
 
 

@@ -1,5 +1,7 @@
 """slams info: what is in a log, what is assumed, who can use it."""
 
+from dataclasses import replace
+
 import pytest
 
 from slams import info
@@ -68,6 +70,11 @@ def test_an_npz_with_a_truth_can_be_compared_and_swept(tmp_path, capsys):
     assert lines[0] == "room: 5 scans of 361 beams, 20.0 Hz, 0.2 s"
     assert "each scan: taken as instantaneous, no time between beams is known" in lines
     assert lines[-1] == "usable by: slams run, play, convert, compare, sweep"
+
+
+def test_a_source_of_other_keys_is_no_error(tmp_path, capsys):
+    replace(drive(n=2), meta={"source": {"base_frame": "base"}}).save(tmp_path / "a.npz")
+    assert not any(line.startswith("frames") for line in lines_of(capsys, tmp_path / "a.npz"))
 
 
 def test_the_lasers_of_a_carmen_log_are_shown(tmp_path, capsys):

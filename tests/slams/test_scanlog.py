@@ -46,6 +46,11 @@ def test_load(tmp_path):
     assert scans[0].ranges.dtype == np.float32
 
 
+def test_beams_of_a_revolution_may_overlap(tmp_path):
+    ranges = np.ones((3, 14))
+    assert len(load(written(tmp_path, angle_increment=np.pi / 6, ranges=ranges))) == 3
+
+
 def test_attitude_and_heights_are_read_looked_up_and_written(tmp_path):
     said = np.array([[0.0, 0.1], [0.2, 0.3], [np.nan, 0.0], [0.0, 0.0]])
     stamps = np.array([0.0, 0.2, 0.9, 1.0])
@@ -102,6 +107,15 @@ def test_truth_is_interpolated_over_the_unwrapped_angle_and_never_extrapolated()
     assert np.isnan(poses[[0, 3]]).all()
     assert poses[1, :2] == pytest.approx([1.0, 2.0])
     assert abs(poses[1, 2]) == pytest.approx(np.pi)
+
+
+@pytest.mark.parametrize(("period", "longest"), [(0.1, 1.0), (1.0, 5.0)])
+def test_in_a_gap_of_the_truth_only_its_ends_are_known(period, longest):
+    for gap in (0.99 * longest, 1.01 * longest):
+        t = np.append(period * np.arange(9), 8 * period + gap)
+        asked = np.array([0.5 * period, t[-2], t[-2] + 0.5 * gap, t[-1]])
+        found = TimeSeries(t, np.zeros((10, 3))).known_poses_at(asked)
+        assert np.isfinite(found[:, 0]).tolist() == [True, True, gap < longest, True]
 
 
 def test_odometry_and_yaw_are_also_looked_up_at_the_middle_of_a_sweep(tmp_path):
@@ -161,6 +175,7 @@ def test_a_log_that_begins_late_keeps_tracks_of_other_rates(tmp_path):
         ({"ranges": np.zeros((3, 0))}, "at least one"),
         ({"ranges": np.array([["a", "b"]] * 3)}, "ranges: got <U1 values, expected numbers"),
         ({"angle_increment": 0.0}, "angle_increment: got 0.0"),
+        ({"angle_increment": 1.0, "ranges": np.ones((3, 181))}, "got 1.0, .* a fan below 7 rad"),
         ({"range_max": 0.05}, "range_min, range_max"),
         ({"time_increment": -1.0}, "time_increment: got -1.0"),
         ({"mount": np.zeros(2)}, r"mount: got \(2,\), expected \(3,\)"),

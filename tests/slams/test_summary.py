@@ -72,13 +72,14 @@ def test_errors_against_the_truth_by_hand():
     assert set(errors) == {"per_update", "per_1_s", "not_covered", "ate_m", "end_m"}
 
 
-def test_poses_without_a_truth_are_left_out():
-    log, estimate = log_of(poses_of(), slice(4, None)), poses_of()
-    estimate[:4, 1] = 9.0
+@pytest.mark.parametrize("covered", [slice(5, None), np.r_[:8, 13:20]])  # late, with a gap
+def test_poses_without_a_truth_are_left_out(covered):
+    log, estimate = log_of(poses_of(), covered), poses_of()
+    estimate[np.delete(np.arange(20), covered), 1] = 9.0
     errors = truth_errors(run_of(estimate), log)
-    assert errors["not_covered"] == 4
+    assert errors["not_covered"] == 5
     assert errors["ate_m"] == pytest.approx(0.0, abs=1e-9)
-    assert "4 poses at times without truth" in as_text(summary_of(estimate, log))
+    assert "5 poses at times without truth" in as_text(summary_of(estimate, log))
 
 
 def test_counts_of_faults_become_notes():

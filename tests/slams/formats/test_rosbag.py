@@ -182,11 +182,30 @@ NO_NAMES = (("a", "b", (1.0, 0.0, 0.0), 0.0, 0.0), ("b", "laser", (1.0, 0.0, 0.0
         (CHAIN, "mast", (0.5, 0.0, 0.1)),
         (NO_NAMES, "/a", (2.0, 0.0, 0.0)),
         (NO_NAMES[1:], None, (1.0, 0.0, 0.0)),
+        (
+            (MOUNT, CHAIN[1], ("base_link", "laser", (1.0, 0.0, 0.0), 0.0, 0.0)),
+            None,
+            (1.0, 0.0, 0.0),
+        ),
     ],
 )
 def test_the_mount_is_a_chain_of_transforms(static, base, mount, tmp_path):
     log = slams.load(bags.write(tmp_path, "mcap", tree(*static)), base_frame=base)
     assert log.laser.mount == pytest.approx(mount)
+
+
+def test_of_several_robots_the_transforms_beside_the_scans_count(tmp_path):
+    def robot(name, x):
+        mount = ("base_link", "laser", (x, 0.0, 0.0), 0.0, 0.0)
+        way = [lambda i: ("odom", "base_link", (x * i, 0.0, 0.0), 0.0, 0.0)]
+        messages = tree(mount, moving=way)
+        return lambda make: [(f"/{name}{topic}", t, one) for topic, t, one in messages(make)]
+
+    path = bags.write(tmp_path, "mcap", together(robot("r1", 0.1), robot("r2", 0.2)))
+    for name, x in (("r1", 0.1), ("r2", 0.2)):
+        log = slams.load(path, scan_topic=f"/{name}/scan")
+        assert log.laser.mount.x == pytest.approx(x)
+        assert log.odom.values[:, 0] == pytest.approx(x * np.arange(N))
 
 
 LASERS = scans_on("/front", "/rear")
@@ -197,7 +216,11 @@ rear = each("/rear", lambda make, _, t: make.scan(t, ranges()[0], "rear"))
 unplaced = together(tree(MOUNT), rear)
 
 
+in_turn = each("/scan", lambda make, i, t: make.scan(t, [1.0], f"laser{i % 2}"))
+
+
 REFUSED = [
+    (in_turn, {}, "/scan: got scans in 2 frames (laser0, laser1), expected those of one laser"),
     (unplaced, BOTH, "a further laser's frame rear is not fixed to base_link; frames: base_link"),
     (LASERS, {}, "2 laser scan topics, --scan-topic picks one: /front (12), /rear (12)"),
     (drive, {"scan_topic": "/odom"}, "no laser scans on /odom; there are: /scan (12)"),
@@ -322,6 +345,14 @@ def test_other_beams_give_the_nearest_reading_and_none_where_there_is_none(tmp_p
     assert last[2:].tolist() == row[:8].tolist()
 
 
+def test_drivers_that_measure_each_sweep_are_deskewed_by_the_median(tmp_path):
+    def scan(make, i, t):
+        return make.scan(t, ranges()[i], beam=1e-3 + 1e-5 * i if i else 0.1)
+
+    log = slams.load(bags.write(tmp_path, "mcap", each("/scan", scan)))
+    assert log.laser.time_increment == pytest.approx(1.06e-3)
+
+
 def test_the_first_echo_counts_and_none_is_nothing_seen(tmp_path):
     echoes = each("/echoes", lambda make, _, t: make.echoes(t, [[2.0, 3.0], [], [4.0]]))
     log = slams.load(bags.write(tmp_path, "mcap", echoes))
@@ -340,6 +371,7 @@ first_empty = each("/scan", lambda make, i, t: make.scan(t, [1.0] * 3 if i else 
     [
         (scans_on("/scan"), "no transform from a base to the laser's frame 'laser'"),
         (tree((*MOUNT[:4], math.radians(30.0))), "the laser is tilted by 30 degrees"),
+        (tree(MOUNT, ("odom", "base_link", (0, 0, 0), 0.0, 0.0)), "odom does not move and is no"),
         (each("/scan", lambda make, *_: make.scan(0.0, [1.0])), "the times of recording"),
         (scans(beam=0.1), "does not fit a scan every 0.1 s; scans are taken as instantaneous"),
         (scans(limits=(0.1, 0.0)), "range_max is 0; 1.00 m is used instead"),
@@ -352,11 +384,12 @@ def test_what_is_assumed_is_said(messages, note, tmp_path):
     log = slams.load(bags.write(tmp_path, "bag", messages))
     assert note in " ".join(log.notes)
     assert log.t == pytest.approx(T[-len(log) :], abs=1e-6) and N - 1 <= len(log) <= N
-    assert log.laser.time_increment == 0.0
+    assert log.laser.time_increment == 0.0 and log.odom is None
 
 
 def long_drive(make):
-    return [("/scan", t, make.scan(t, ranges(1, 500)[0])) for t in 1e9 + 0.1 * np.arange(300)]
+    row, t = ranges(1, 500)[0], 1e9 + 0.1 * np.arange(300)
+    return [("/scan", one, make.scan(one, row, angles=(-1.5, 0.01))) for one in t]
 
 
 DAMAGE = {"bag": "rosbag reindex", "mcap": "mcap recover", "db3": ".recover"}

@@ -81,6 +81,13 @@ def test_robotlaser_with_and_without_remissions(remissions, tmp_path):
     assert log.ranges[0, -1] == pytest.approx(2.8)
 
 
+@pytest.mark.parametrize(("number", "mount"), [(1, (-0.3, 0, 0)), (2, (-0.4, 0, math.pi))])
+def test_rawlasers_in_front_and_behind(number, mount, tmp_path):
+    offsets = "PARAM robot_frontlaser_offset -0.3 1 h 1\nPARAM robot_rearlaser_offset -0.4 1 h 1\n"
+    line = RAW.format(READINGS).replace("RAWLASER1", f"RAWLASER{number}")
+    assert slams.load(written(tmp_path, line, header=HEADER + offsets)).laser.mount == mount
+
+
 def test_rawlaser_takes_its_odometry_from_odom_lines(tmp_path):
     odom = [f"ODOM {t - 100:.1f} 0 0.1 0 0 0 {t} host 0" for t in (100.0, 101.0)]
     header = HEADER + "PARAM robot_frontlaser_offset 0.3 1 h 1\n"
