@@ -9,7 +9,7 @@ import numpy as np
 
 from bench.judge.metrics import ORIENTATION_CLASS_WIDTH, TRANSLATION_CLASS_WIDTH
 from bench.report import figures, palette, pareto, tables, text
-from bench.report.lines import DECIDING_SPANS
+from bench.report.lines import deciding_span, span_words
 from bench.results import RESULTS_FILE, Comparison
 from slams.formats import trajectory
 
@@ -87,12 +87,10 @@ def _draw(folder: Path, log: LogResult) -> None:
         ):
             values = {name: getattr(found["update"], kind) for name, found in errors.items()}
             figures.save_histogram(values, kind, width, looks, folder / f"fig{number}_{kind}")
-    span = next((s for s in DECIDING_SPANS if all(s in found for found in errors.values())), "")
+    span = deciding_span(log.rows) or ""
     small = {name: 1e3 * found[span].se2_translation for name, found in errors.items()}
-    what = "error per update" if span == "update" else f"error over {span}"
-    figures.save_overview(
-        small, what, pareto.drawn(Comparison({}, [log], [])), looks, folder / "fig_errors"
-    )
+    points = pareto.drawn(Comparison({}, [log], []))
+    figures.save_overview(small, f"error {span_words(span)}", points, looks, folder / "fig_errors")
     _draw_paths(folder, log, looks)
     _draw_maps(folder, log, looks)
 

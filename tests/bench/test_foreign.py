@@ -119,7 +119,12 @@ def test_relations_are_met_by_interpolation(log, estimate):
     assert found.row["relations"]["used"] == 2
     assert found.row["relations"]["all"]["translation_m"]["max"] < 0.01
     short = TimeSeries(log.t[:60:2], moved(OTHER, truth[:60:2]))
-    assert foreign_case(Foreign("x", short, None), log, relations).row["relations"]["used"] == 1
+    assert not found.row["loss"]["lost"]
+    for known in (None, relations):
+        cut = foreign_case(Foreign("x", short, None), log, known).row
+        assert cut["loss"]["by"] == "end" and cut["loss"]["lost"], "it ended before the log"
+        assert cut["loss"]["end"]["at_s"] == pytest.approx(log.t[59] - log.t[0])
+    assert cut["relations"]["used"] == 1
 
 
 def test_start_luck_is_told(log, tmp_path, capsys):

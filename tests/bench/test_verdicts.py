@@ -135,6 +135,8 @@ def test_a_run_without_revisits_has_no_error_there():
 def test_the_odd_one_out_disagrees_most():
     t, way = np.arange(20.0), np.random.default_rng(0).random((20, 3))
     odd = way * (3.0, 3.0, 1.0)
-    apart = judged.disagreements([(t, way), (t, way), (t, odd), (t + 0.5, way)])
-    assert apart[0] == pytest.approx(0.5 * apart[2])
-    assert apart[3] is None, "no stamp in common"
+    between = t[1:] - 0.5, 0.5 * (way[1:] + way[:-1])
+    for other in ((t, way), between):
+        apart = judged.disagreements([(t, way), other, (t, odd), (t + 50.0, way)])
+        assert apart[0] == pytest.approx(0.5 * judged.disagreements([(t, way), (t, odd)])[0])
+        assert apart[3] is None, "no time in common"
