@@ -58,7 +58,7 @@ def write(folder: Path, comparison: Comparison) -> None:
 
 def place_of(folder: Path, comparison: Comparison, k: int) -> Path:
     """The folder of the k-th log's files: that of the comparison for a single log."""
-    name = comparison.logs[k].entry["name"]
+    name = file_name(comparison.logs[k].entry["name"])
     return folder if len(comparison.logs) == 1 else folder / f"{k + 1}-{name}"
 
 

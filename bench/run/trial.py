@@ -94,10 +94,10 @@ def _freeze_kernels(label: str) -> None:
 
 
 def judged(run: Run, log: ScanLog) -> Trial:
-    """The figures of a run by the log's ground truth."""
+    """The figures of a run by the log's ground truth; ValueError without one."""
     common = metrics.common_with(log, run.t, run.poses)
     if common is None:
-        return {"failed": f"{log.name}: fewer than two scans have ground truth"}
+        raise ValueError(f"{log.name}: fewer than two scans have ground truth")
     row = sources(run.report, len(run))
     off = beyond(common)
     covered = ~np.isnan(log.truth_at(run.t)[:, 0])  # type: ignore[index]

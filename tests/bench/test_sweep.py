@@ -1,5 +1,7 @@
 """The sweep: climbs, and that they are the same wherever they are done; its page and files."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -13,6 +15,7 @@ from bench.run import trial as trial_module
 from bench.run.trial import judged
 from slams import Params
 from slams.player import Run, replay
+from slams.scanlog import TimeSeries
 from tests.bench.test_html import Still
 from tests.rooms import drive
 
@@ -100,6 +103,8 @@ def test_a_trial_is_judged_against_the_truth():
     right = judged(run, log.select(odometry=False))
     assert not right["lost"] and right["wheels_ate_m"] is None
     assert right["ate_m"] == pytest.approx(0.0, abs=1e-9)
+    with pytest.raises(ValueError, match="fewer than two scans"):  # which has no cost either
+        judged(run, replace(log, truth=TimeSeries(log.t + 99.0, truth)))
 
 
 def test_what_would_be_another_runs_twin_is_left_out(room_file, tmp_path):
