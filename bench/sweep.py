@@ -185,11 +185,12 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     quick = arguments.quick
     chosen = arguments.degradations or list(QUICK_DEGRADATIONS if quick else DEFAULT_DEGRADATIONS)
     seeds = arguments.seeds or (N_QUICK_DRIVES if quick else N_DRIVES)
-    arenas, duration = arguments.arenas or list(ARENAS), arguments.duration or DRIVE_DURATION
+    arenas = list(dict.fromkeys(arguments.arenas or ARENAS))
+    duration = arguments.duration or DRIVE_DURATION
     simulated = plan.Drives(arenas, seeds, duration, arguments.sensor, arguments.seed)
     known = [name for name in names() if name not in BASELINES]
     presets = ROW_PRESETS[: 1 if quick else 3]
-    algorithms = arguments.algorithms or single.with_presets(known, presets)
+    algorithms = list(dict.fromkeys(arguments.algorithms or single.with_presets(known, presets)))
     return plan.Plan(
         algorithms=algorithms,
         conditions=plan.conditions_of(chosen),

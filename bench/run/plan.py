@@ -183,7 +183,7 @@ class Plan:
 
 
 def conditions_of(chosen: list[str]) -> Conditions:
-    """The chosen degradations with their levels, in the order of the catalog.
+    """The chosen degradations in the order of the catalog, their levels from mild to severe.
 
     A name without a level has all levels of the catalog, `noise=0.05 noise=0.1` these two. "all"
     means all degradations.
@@ -200,7 +200,7 @@ def conditions_of(chosen: list[str]) -> Conditions:
             found.setdefault(name, []).append(entry.checked(level))
         else:
             found[name] = [float(level) for level in entry.levels]
-    return {name: tuple(dict.fromkeys(found[name])) for name in CATALOG if name in found}
+    return {name: CATALOG[name].ordered(found[name]) for name in CATALOG if name in found}
 
 
 def logs_of(paths: list[str], drives: Drives, options: SourceOptions) -> list[Given]:

@@ -153,7 +153,12 @@ def test_a_name_alone_is_all_its_levels_and_levels_by_hand_are_one_climb():
     found = plan.conditions_of(["noise=0.3", "beams", "noise=0.01", "clean"])
     counts = [(name, len(levels)) for name, levels in found.items()]
     assert counts == [("clean", 1), ("beams", 8), ("noise", 2)]
-    assert found["noise"] == (0.3, 0.01)
+    assert found["noise"] == (0.01, 0.3)
+    found = plan.conditions_of(["beams=20", "beams=60", "beams=20", "bias=-0.2", "bias=0.1"])
+    assert found == {"beams": (60, 20), "bias": (0.1, -0.2)}, "from mild to severe, each once"
+    words = ["--arenas", "ring", "ring", "--algorithms", "tsd", "tsd", "--seeds", "1"]
+    made = sweep._plan(sweep.parser().parse_args(words))
+    assert (made.algorithms, len(made.logs)) == (["tsd"], 1)
     assert len(plan.conditions_of(["all"])) == len(CATALOG)
 
 
