@@ -43,7 +43,9 @@ def _command(arguments: argparse.Namespace) -> int:
         found = [log._replace(outcomes=[*log.outcomes, *others]) for log in found]
         comparison = evaluated(found, _facts(choice, arguments))
         _write(folder, comparison)
-        folders.cleared(out, outputs.OUTPUT_FILES)
+        inputs = [text.partition("=")[2] for text in (*arguments.trajectory, *arguments.map)]
+        inputs += filter(None, (*arguments.logs, arguments.truth, arguments.relations))
+        folders.cleared(out, outputs.OUTPUT_FILES, inputs)
     if not arguments.quiet:
         report = out / "report.html"
         more = f"The report: {report}; tables, figures and results.json beside it."

@@ -43,11 +43,15 @@ def claimed(out: str | None, logs: Iterable[str], force: bool) -> Path:
     return folder
 
 
-def cleared(folder: Path, patterns: tuple[str, ...]) -> None:
-    """Delete the files of earlier calls, in the folder and in the folders of single logs."""
+def cleared(folder: Path, patterns: tuple[str, ...], inputs: Iterable[str] = ()) -> None:
+    """Delete the files of earlier calls, in the folder and in the folders of single logs.
+
+    `inputs` are paths that a call was given: they stay.
+    """
+    kept = {Path(path).resolve() for path in inputs}
     for place in [folder, *folder.glob("[0-9]*-*")]:
-        for pattern in patterns:
-            for path in place.glob(pattern):
+        for path in (path for pattern in patterns for path in place.glob(pattern)):
+            if path.resolve() not in kept:
                 path.unlink()
         if place != folder and place.is_dir() and not any(place.iterdir()):
             place.rmdir()

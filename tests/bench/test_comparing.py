@@ -1,6 +1,7 @@
 """Plans of comparisons and sweeps: options of algorithms, what is tried by chance, folders."""
 
 import math
+import shutil
 
 import pytest
 
@@ -89,9 +90,12 @@ def test_no_stale_file_stays_beside_a_new_report(room_file, tmp_path, capsys, he
     assert compare.main([*words, "odometry"]) == 2
     assert "has results already" in capsys.readouterr().err
     assert (out / "errors-tests.bench.test_html.Still.csv").exists()
-    assert compare.main([*words, "odometry", "--force"]) == 0
+    log = shutil.move(room_file, out / "rescue-0.npz")  # as an earlier call may have simulated it
+    other = shutil.copy(out / "trajectory-odometry.tum", out / "trajectory-other.tum")
+    words = [str(log), *words[1:], "odometry", "--trajectory", f"theirs={other}", "--force"]
+    assert compare.main(words) == 0
     names = {path.name for path in out.iterdir()}
-    assert {"notes.txt", "errors-odometry.csv", "report.html"} <= names
+    assert {"notes.txt", "errors-odometry.csv", "report.html", log.name, other.name} <= names
     assert not [name for name in names if "Still" in name]
 
 
