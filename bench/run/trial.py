@@ -150,12 +150,15 @@ def _loaded(identity: str, recorded: str | None) -> ScanLog:
 
 @lru_cache(maxsize=10)  # levels of a climb; the next algorithm uses the same logs
 def _log_of(identity: str, condition: str, level: float, recorded: str | None) -> ScanLog:
-    """The log at a level of a condition (JSON), reduced to its scan rate."""
+    """The log at a level of a condition (JSON), reduced to its scan rate.
+
+    Noise of the stamps does not change the period of a log with the same scans.
+    """
     from bench.sim.degrade import degrade
 
-    known = json.loads(condition)
-    log = degrade(_loaded(identity, recorded), known["degradation"], level, known["seed"])
-    if known["rate"] is None or log.scan_period <= 0.0:
+    known, whole = json.loads(condition), _loaded(identity, recorded)
+    log = degrade(whole, known["degradation"], level, known["seed"])
+    period = (whole if len(log) == len(whole) else log).scan_period
+    if known["rate"] is None or period <= 0.0:
         return log
-    every = max(1, round(1.0 / (known["rate"] * log.scan_period)))
-    return log.select(every=every)
+    return log.select(every=max(1, round(1.0 / (known["rate"] * period))))
