@@ -8,7 +8,8 @@ import pandas as pd
 
 from bench.results import Line, Row, Rows
 
-DECIDING_SPANS = ("1 s", "10 s", "update")  # the first of all runs of a log compares
+# the first of all runs of a log compares them; in words
+DECIDING_SPANS = {"1 s": "over 1 s", "10 s": "over 10 s", "update": "per update"}
 # columns of a table: header, path of the value in a row, factor to the unit of the header
 Columns = dict[str, tuple[str, float]]
 
@@ -90,11 +91,6 @@ def deciding_span(rows: Rows) -> str | None:
     """The span that compares the runs of a log, 1 s if all have it; None without ground truth."""
     known = [spans for row in rows if (spans := value(row, "errors/spans"))]
     return next((name for name in DECIDING_SPANS if known and all(name in s for s in known)), None)
-
-
-def span_words(span: str) -> str:
-    """A span in a sentence."""
-    return "per update" if span == "update" else f"over {span}"
 
 
 def deciding_errors(rows: Rows) -> dict[str, float | None]:

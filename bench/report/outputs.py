@@ -9,7 +9,7 @@ import numpy as np
 
 from bench.judge.metrics import ORIENTATION_CLASS_WIDTH, TRANSLATION_CLASS_WIDTH
 from bench.report import figures, palette, pareto, tables, text
-from bench.report.lines import deciding_span, span_words
+from bench.report.lines import DECIDING_SPANS, deciding_span
 from bench.results import RESULTS_FILE, Comparison
 from slams.formats import trajectory
 
@@ -19,17 +19,8 @@ if TYPE_CHECKING:
 TRUE_MAP_NAME = "true map"
 # files that this and earlier versions write
 OUTPUT_FILES = (
-    RESULTS_FILE,
-    "arrays.npz",
-    "report.html",
-    "tables.md",
-    "table-*.csv",
-    "errors-*.csv",
-    "trajectory-*.tum",
-    "fig*.png",
-    "fig*.pdf",
-    "rescue-*.npz",
-    "result-*.mcap",
+    *(RESULTS_FILE, "arrays.npz", "report.html", "tables.md", "table-*.csv", "errors-*.csv"),
+    *("trajectory-*.tum", "fig*.png", "fig*.pdf", "rescue-*.npz", "result-*.mcap"),
 )
 
 
@@ -90,7 +81,8 @@ def _draw(folder: Path, log: LogResult) -> None:
     span = deciding_span(log.rows) or ""
     small = {name: 1e3 * found[span].se2_translation for name, found in errors.items()}
     points = pareto.drawn(Comparison({}, [log], []))
-    figures.save_overview(small, f"error {span_words(span)}", points, looks, folder / "fig_errors")
+    what = f"error {DECIDING_SPANS.get(span)}"
+    figures.save_overview(small, what, points, looks, folder / "fig_errors")
     _draw_paths(folder, log, looks)
     _draw_maps(folder, log, looks)
 

@@ -241,10 +241,7 @@ TABLES: dict[str, tuple[str, Maker]] = {
         "Errors of the relations, local ones and loops separately",
         _by(_relations("local", "local ") | _relations("loop", "loop ")),
     ),
-    "unaided": (
-        "Measures without ground truth, for comparison; less is better",
-        unaided_table,
-    ),
+    "unaided": ("Measures without ground truth, for comparison; less is better", unaided_table),
     "maps": ("Maps compared with the true one", _by(MAP_COLUMNS)),
     "cost": ("Cost on one thread", _by(COST_COLUMNS)),
 }

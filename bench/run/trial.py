@@ -37,12 +37,10 @@ def content_of(log: ScanLog) -> str:
     found = hashlib.sha256(repr(log.laser).encode())
     for values in (log.t, log.ranges):
         found.update(np.ascontiguousarray(values).tobytes())
-    for track in (log.odom, log.truth, log.yaw_rate):
+    for track in (log.odom, log.truth, log.yaw_rate, log.attitude):
         if track is not None:
             found.update(track.t.tobytes() + np.ascontiguousarray(track.values).tobytes())
         found.update(b"|")
-    if log.attitude is not None:
-        found.update(log.attitude.t.tobytes() + log.attitude.values.tobytes())
     return found.hexdigest()
 
 
