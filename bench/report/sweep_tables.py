@@ -167,10 +167,11 @@ def head(found: Analysis, facts: Line) -> str:
     runs = sum(of[0].n for cell in found.cells for of in cell.curves.values())
     drives = len({log["name"] for log in facts["logs"]})
     places = dict.fromkeys(log["place"] for log in facts["logs"])
+    sensor = f"; {facts['sensor']}" if facts["sensor"] else ""
     rate = f" at {facts['rate']:g} Hz" if facts["rate"] else ""
     return (
-        f"{runs} climbs over {_drives(drives)} ({', '.join(places)}; "
-        f"{facts['sensor']}{rate}); lost = {facts['lost']}{_settings(facts)}"
+        f"{runs} climbs over {_drives(drives)} ({', '.join(places)}{sensor}"
+        f"{rate}); lost = {facts['lost']}{_settings(facts)}"
     )
 
 

@@ -25,8 +25,7 @@ def claimed(out: str | None, logs: Iterable[str], force: bool) -> Path:
     """
     from slams.formats import files
 
-    names = [Path(log).name.partition(".")[0] or "log" for log in logs]
-    default = RESULTS_FOLDER / "-".join(["compare", *names])[:MAX_NAME_LENGTH].rstrip("-")
+    default = named_after("compare", logs)
     if out is None and not force:
         files.check_folder(default.parent)
         return files.unused(default)
@@ -41,6 +40,12 @@ def claimed(out: str | None, logs: Iterable[str], force: bool) -> Path:
             f"{folder}: has results already; expected another --out, or --force to replace them"
         )
     return folder
+
+
+def named_after(command: str, logs: Iterable[str]) -> Path:
+    """The default folder of a command over these logs."""
+    names = [Path(log).name.partition(".")[0] or "log" for log in logs]
+    return RESULTS_FOLDER / "-".join([command, *names])[:MAX_NAME_LENGTH].rstrip("-")
 
 
 def cleared(folder: Path, patterns: tuple[str, ...], inputs: Iterable[str] = ()) -> None:

@@ -198,7 +198,13 @@ def test_what_is_done_is_not_done_again_nor_counted(room_file, tmp_path, capsys,
     assert {p.name for p in gone} <= done_again
     assert len(done_again) <= 4  # and what they cost
     assert counted == [15, 2]
-    assert "15 runs, 13 kept from before, 2 to do\n" in capsys.readouterr().err
+    (tmp_path / "out" / "table-critical-9.csv").touch()
+    assert command.main([*words, "--odometry", "with"]) == 2
+    assert command.main([*words, "--odometry", "with", "--force"]) == 0
+    assert not (tmp_path / "out" / "table-critical-9.csv").exists()
+    said = capsys.readouterr().err
+    assert "15 runs, 13 kept from before, 2 to do\n" in said
+    assert "out: has other results; expected another --out, or --force\n" in said
 
 
 def test_the_degradations_are_listed_with_units_and_levels(capsys):
