@@ -49,6 +49,12 @@ def test_a_variant_is_a_row_with_its_own_settings():
     assert outcome.grid.resolution == 0.1
 
 
+def test_quick_is_a_minute_of_the_log():
+    arguments = compare_options.parser().parse_args(["--quick", "--every", "2"])
+    choice, _ = compare_options.checked(arguments, [])
+    assert len(choice.part(drive(80, 1.0))) == 30
+
+
 def test_the_last_seed_for_all_counts():
     assert seeds(["1", "tsd:2", "3"]) == ({"seed": "3"}, ["tsd:seed=2"])
     assert seeds([]) == ({}, [])
@@ -62,6 +68,7 @@ def test_results_are_named_after_the_log_and_a_taken_name_gets_a_number(tmp_path
 
     assert claimed() == folder.RESULTS_FOLDER / "compare"
     assert claimed("bags/drive.bag") == folder.RESULTS_FOLDER / "compare-drive"
+    assert folder.named_after("sweep", ["a/room.npz"]) == folder.RESULTS_FOLDER / "sweep-room"
     assert claimed("a.npz", "b.log.gz") == folder.RESULTS_FOLDER / "compare-a-b"
     (tmp_path / "results" / "compare-drive").mkdir(parents=True)
     assert claimed("drive.bag").name == "compare-drive-2"
