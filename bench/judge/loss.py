@@ -57,11 +57,15 @@ def by_report(report: dict[str, Any], scans: int) -> dict[str, Any]:
     return {"lost": count > MAX_REPORTED_SHARE * scans, "scans": count}
 
 
-def by_end(t: Floats, end: float) -> dict[str, Any]:
-    """A loss at the run's `end` [s] if too many of the log's scans (n,) are later; else nothing."""
-    if float(np.mean(t > end)) <= MAX_REPORTED_SHARE:
+def by_end(t: Floats, scans: Floats) -> dict[str, Any]:
+    """A loss at the last of the stamps t (n,) [s] if too many `scans` (k,) [s] are later, else {}.
+
+    The end may be missing as long as any two poses are apart: of keyframes these are seconds.
+    """
+    end = t.max() + np.diff(np.sort(t)).max()
+    if float(np.mean(scans > end)) <= MAX_REPORTED_SHARE:
         return {}
-    return {"lost": True, "by": "end", "end": {"at_s": end - float(t.min())}}
+    return {"lost": True, "by": "end", "end": {"at_s": float(t.max() - scans.min())}}
 
 
 def _verdict(off: Flags, t: Floats, reached: Floats | None) -> dict[str, Any]:

@@ -97,7 +97,7 @@ def foreign_case(foreign: Foreign, log: ScanLog, relations: Floats | None = None
     if relations is not None:
         row |= _by_relations(foreign, log, relations, row)
     if not row["loss"]["lost"]:
-        row["loss"] |= loss.by_end(log.t, float(t.max()) + abs(log.scan_period))
+        row["loss"] |= loss.by_end(t, log.t)
     common = metrics.common_with(log, t, poses_at_first)
     return Outcome(row, t, poses_at_first, grid=foreign.grid, common=common, frame=frame)
 
