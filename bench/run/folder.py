@@ -49,10 +49,7 @@ def named_after(command: str, logs: Iterable[str]) -> Path:
 
 
 def cleared(folder: Path, patterns: tuple[str, ...], inputs: Iterable[str] = ()) -> None:
-    """Delete the files of earlier calls, in the folder and in the folders of single logs.
-
-    `inputs` are paths that a call was given: they stay.
-    """
+    """Delete the files of earlier calls but no inputs, here and in the folders of single logs."""
     kept = {Path(path).resolve() for path in inputs}
     for place in [folder, *folder.glob("[0-9]*-*")]:
         for path in (path for pattern in patterns for path in place.glob(pattern)):
