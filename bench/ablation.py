@@ -7,7 +7,9 @@ each run is compared with the run of the unchanged algorithm.
 from __future__ import annotations
 
 import argparse
+import re
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bench import sweep
@@ -28,24 +30,22 @@ def parser() -> argparse.ArgumentParser:
         prog="slams ablation",
         description="Set every switch of an algorithm to its other value, one at a time, and count "
         "the levels of the sweep's degradations that its runs hold.",
-        epilog="Writes ablation.md and ablation.csv. p is McNemar's exact test over the drives: "
-        "whether a drive held more levels with the switch or without. Finished runs are kept in "
-        "OUT/runs: an interrupted ablation continues from them.",
+        epilog="Writes ablation.md, ablation.csv and sweep.json. p is McNemar's exact test over "
+        "the drives: whether a drive held more levels with the switch or without. Finished runs "
+        "are kept in OUT/runs: an interrupted ablation continues from them.",
     )
-    p.add_argument(
-        "algorithm",
-        metavar="ALGORITHM",
-        help="name, name@preset, module:Class, or a variant NAME:KEY=VALUE,...",
-    )
+    p.add_argument("algorithm", metavar="ALGORITHM", help=single.LABEL_WORDS)
     sweep.add_drive_options(p)
     p.set_defaults(seeds=sweep.N_DRIVES)
-    options.add_output(p, "results/ablation")
+    options.add_output(p, "ablation-ALGORITHM")
     options.add_jobs(p)
     return p
 
 
 def _command(arguments: argparse.Namespace) -> int:
     from bench.report.text import markdown_table, text_table
+    from bench.results import sweep as results
+    from bench.run import folder as folders
     from slams.formats import files
 
     if arguments.degradations == ["list"]:
@@ -54,15 +54,21 @@ def _command(arguments: argparse.Namespace) -> int:
     rows = cli.refusing(lambda: rows_of(arguments.algorithm))
     defaults = vars(sweep.parser().parse_args([]))  # for options of the sweep only
     asked = defaults | vars(arguments) | {"algorithms": list(rows.values())}
-    found = sweep.swept(argparse.Namespace(**asked))
+    out = Path(
+        arguments.out
+        or folders.named_after("ablation", [re.sub("[.:@/]", "-", arguments.algorithm)])
+    )
+    found = sweep.swept(argparse.Namespace(**asked), out)
     made, lost = table(found, rows), f"lost = {found.facts['lost']}"
-    with files.complete_folder(arguments.out) as folder:
+    with files.complete_folder(out) as folder:
+        results.save(folder, found)
         made.to_csv(folder / "ablation.csv", index_label=arguments.algorithm)
         command = f"`{found.record['command']}`, on {found.record['machine']['cpu']}"
         body = markdown_table(made, arguments.algorithm)
         (folder / "ablation.md").write_text(f"{command}: {lost}.\n\n{body}\n", encoding="utf-8")
+        folders.cleared(out, sweep.OUTPUT_FILES)
     if not arguments.quiet:
-        files_made = f"{arguments.out}/: ablation.md, ablation.csv"
+        files_made = f"{out}/: ablation.md, ablation.csv, sweep.json"
         sys.stdout.write(f"{lost}\n\n{text_table(made, arguments.algorithm)}\n\n{files_made}\n")
     return cli.EXIT_FAILED if all(trial["failed"] for trial in found.trials) else 0
 

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bench.run.compare_options import checked, labels_of
+from bench.run.compare_options import QUICK_DURATION, checked, labels_of
 from bench.run.compare_options import parser as parser
 from slams import cli
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from bench.run.cases import Choice
     from slams.scanlog import ScanLog
 
-SIMULATED_DURATION, QUICK_DURATION = 300.0, 60.0  # s of the simulated log
+SIMULATED_DURATION = 300.0  # s of the simulated log
 
 
 def _command(arguments: argparse.Namespace) -> int:
@@ -43,7 +43,9 @@ def _command(arguments: argparse.Namespace) -> int:
         found = [log._replace(outcomes=[*log.outcomes, *others]) for log in found]
         comparison = evaluated(found, _facts(choice, arguments))
         _write(folder, comparison)
-        folders.cleared(out, outputs.OUTPUT_FILES)
+        inputs = [text.partition("=")[2] for text in (*arguments.trajectory, *arguments.map)]
+        inputs += filter(None, (*arguments.logs, arguments.truth, arguments.relations))
+        folders.cleared(out, outputs.OUTPUT_FILES, inputs)
     if not arguments.quiet:
         report = out / "report.html"
         more = f"The report: {report}; tables, figures and results.json beside it."
@@ -102,7 +104,7 @@ def simulated(folder: Path, choice: Choice, arguments: argparse.Namespace) -> Sc
         duration = QUICK_DURATION if arguments.quick else SIMULATED_DURATION
     log = simulate(Setting(seed=choice.seed, duration=duration))
     log.save(folder / f"{log.name}.npz")
-    return log.select(choice.limit, choice.every, choice.odometry)
+    return choice.part(log)
 
 
 main = cli.main_of(parser, _command)

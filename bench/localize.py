@@ -11,6 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from bench.run.options import within
 from slams import cli
 
 if TYPE_CHECKING:
@@ -49,7 +50,8 @@ def parser() -> argparse.ArgumentParser:
     default = ["hector", "tsd"]
     p.add_argument("--algorithms", metavar="NAME", nargs="+", default=default, help="(hector tsd)")
     p.add_argument("--arenas", type=cli.count, default=10, metavar="N", help="number (%(default)s)")
-    p.add_argument("--duration", type=float, default=30.0, metavar="S", help="of a drive (30)")
+    drive = within(float, 2.0, 14400.0)  # S
+    p.add_argument("--duration", type=drive, default=30.0, metavar="S", help="of a drive (30)")
     p.add_argument("--size", type=float, metavar="M", help="of an arena, as slams simulate")
     return p
 
@@ -181,7 +183,7 @@ def _figures(ready: Prepared, log: ScanLog, frame: Pose2) -> dict[str, float]:
     run, truth = replay(ready.at(start.pose), rest), rest.truth_at(rest.t)
     assert truth is not None
     errors = np.hypot(*(frame.transform(run.poses[:, :2]) - truth[:, :2]).T)
-    settled = errors[rest.t >= rest.t[0] + SETTLING_TIME]
+    settled = errors[rest.t >= min(rest.t[0] + SETTLING_TIME, rest.t[-1])]
     return {
         "first_m": float(errors[0]),
         "mean_m": float(settled.mean()),

@@ -34,14 +34,9 @@ def parser() -> argparse.ArgumentParser:
         f"{ODOMETRY_SCALE_ERROR:.0%} and 3 degrees per meter. A loop is closed if the mean error "
         f"between visits of a place is at most {MAX_CLOSED_LOOP_ERROR:g} m.",
     )
-    p.add_argument(
-        "--algorithms",
-        metavar="NAME",
-        nargs="+",
-        default=list(LOOP_ALGORITHMS),
-        help="name, variant NAME:KEY=VALUE,... or module:Class "
-        f"(default: {' '.join(LOOP_ALGORITHMS)})",
-    )
+    known, default = "name, variant NAME:KEY=VALUE,... or module:Class", list(LOOP_ALGORITHMS)
+    words = f"{known} (default: {' '.join(default)})"
+    p.add_argument("--algorithms", metavar="NAME", nargs="+", default=default, help=words)
     words = "number of buildings (default: %(default)s)"
     p.add_argument("--buildings", type=cli.count, default=10, metavar="N", help=words)
     words = "seed of the first building (default: %(default)s)"

@@ -122,11 +122,7 @@ def public_figures(found: dict[str, Any]) -> dict[str, Any]:
     for row in found["rows"]:
         if not row["failed"]:
             by_name[row["log"]]["cpu_ms"][row["algorithm"]] = row["cost"]["mean_ms"]
-    return {
-        "command": as_typed(found["command"]),
-        "cpu": found["machine"]["cpu"],
-        "logs": logs,
-    }
+    return {"command": as_typed(found["command"]), "cpu": found["machine"]["cpu"], "logs": logs}
 
 
 def rendered(text: str) -> str:

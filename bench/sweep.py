@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +29,11 @@ QUICK_DEGRADATIONS = ("clean", "beams", "people")
 ROW_PRESETS = ("", "paper", "original")  # of each algorithm: default, idea, published program
 N_DRIVES, N_QUICK_DRIVES = 10, 5  # in each arena
 DRIVE_DURATION, SCAN_RATE = 20.0, 10.0  # s of each simulated drive, Hz
+# files of sweeps and ablations
+OUTPUT_FILES = (
+    *("sweep.json", "costs.json", "report.html", "table-*.csv", "survival.csv"),
+    *("fig_sweep.png", "fig_survival-*.png", "ablation.md", "ablation.csv"),
+)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -45,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
         "--algorithms",
         metavar="NAME",
         nargs="+",
-        help="name, name@preset, module:Class, or a variant NAME:KEY=VALUE,... as a row of its own "
+        help=f"{single.LABEL_WORDS} as a row of its own "
         "(default: all but the baselines, and without --quick their presets @paper and @original)",
     )
     single.add_options(p)
@@ -63,7 +69,7 @@ def parser() -> argparse.ArgumentParser:
         help="run with wheels and gyro, without them, or both (default: %(default)s)",
     )
     p.add_argument("--quick", action="store_true", help="fewer degradations, drives and rows")
-    options.add_output(p, "results/sweep")
+    options.add_output(p, "sweep-LOG, without a log results/sweep")
     options.add_jobs(p)
     cli.add_log_options(p)
     return p
@@ -120,16 +126,18 @@ def listed() -> str:
 def _command(arguments: argparse.Namespace) -> int:
     from bench.report import sweep_tables
     from bench.results import sweep as results
+    from bench.run import folder as folders
     from slams.formats import files
 
     if arguments.degradations == ["list"]:
         sys.stdout.write(listed())
         return 0
-    found = swept(arguments)
-    place = Path(arguments.out)
+    place = Path(arguments.out or folders.named_after("sweep", arguments.logs))
+    found = swept(arguments, place)
     with files.complete_folder(place) as folder:
         results.save(folder, found)
         analyzed = write(folder, found)
+        folders.cleared(place, OUTPUT_FILES)
     if not arguments.quiet:
         screen = sweep_tables.terminal(analyzed, found.facts)
         sys.stdout.write(f"{screen}\n\n{place}/: report.html, sweep.json, tables\n")
@@ -152,27 +160,33 @@ def write(folder: Path, found: Sweep) -> Analysis:
     return analyzed
 
 
-def swept(arguments: argparse.Namespace) -> Sweep:
-    """All trials of a command, computed now or kept from before."""
+def swept(arguments: argparse.Namespace, place: Path) -> Sweep:
+    """All trials of a command, computed now or kept from before in the folder `place`."""
     from bench.run import timing
     from bench.run.store import Store
 
     plan = cli.refusing(lambda: _plan(arguments))
-    place = Path(arguments.out)
-    cli.refusing(lambda: _check_place(place))
+    cli.refusing(lambda: _check_place(place, plan, arguments.force))
     store = cli.refusing(lambda: Store(place / "runs"))
     cases = plan.cases(place / "logs")
     done = _do(cases, store, arguments)
     return plan.gathered(cases, done, store, timing.record(arguments))
 
 
-def _check_place(folder: Path) -> None:
-    """Refuse a folder that cannot be written, or has files but no runs of a sweep."""
+def _check_place(folder: Path, plan: Plan, force: bool) -> None:
+    """Refuse a folder that cannot be written, has files but no runs, or another sweep's results."""
+    from bench.results import sweep as results
+    from bench.run.store import plain
     from slams.formats.files import check_folder
 
     check_folder(folder)
     if folder.is_dir() and any(folder.iterdir()) and not (folder / "runs").is_dir():
         raise FileExistsError(f"{folder}: has files that are not of a sweep; expected a new folder")
+    if (folder / results.TRIALS_FILE).exists() and not force:
+        with suppress(OSError, ValueError):
+            if results.read(folder).facts == plain(plan.facts()):
+                return
+        raise FileExistsError(f"{folder}: has other results; expected another --out, or --force")
 
 
 def _plan(arguments: argparse.Namespace) -> Plan:
@@ -185,11 +199,12 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     quick = arguments.quick
     chosen = arguments.degradations or list(QUICK_DEGRADATIONS if quick else DEFAULT_DEGRADATIONS)
     seeds = arguments.seeds or (N_QUICK_DRIVES if quick else N_DRIVES)
-    arenas, duration = arguments.arenas or list(ARENAS), arguments.duration or DRIVE_DURATION
+    arenas = list(dict.fromkeys(arguments.arenas or ARENAS))
+    duration = arguments.duration or DRIVE_DURATION
     simulated = plan.Drives(arenas, seeds, duration, arguments.sensor, arguments.seed)
     known = [name for name in names() if name not in BASELINES]
     presets = ROW_PRESETS[: 1 if quick else 3]
-    algorithms = arguments.algorithms or single.with_presets(known, presets)
+    algorithms = list(dict.fromkeys(arguments.algorithms or single.with_presets(known, presets)))
     return plan.Plan(
         algorithms=algorithms,
         conditions=plan.conditions_of(chosen),

@@ -127,6 +127,7 @@ ablation odometry | odometry: has no switch
 ablation hector --arenas moon | unknown arena 'moon'
 ablation hector --duration 1 | --duration: got 1
 localize --arenas 0 | --arenas: got 0, expected 1 or more
+localize --duration 0.5 | --duration: got 0.5, expected 2 to
 localize --algorithms odometry | odometry cannot localize in a map that is given
 localize --algorithms | --algorithms: expected at least one argument
 loops --buildings 0 | --buildings: got 0, expected 1 or more

@@ -44,7 +44,7 @@ def test_a_sweep_is_kept_with_what_its_tables_show(tmp_path, monkeypatch):
         monkeypatch.setattr(readme, kind, tmp_path / f"{kind.lower()}.kept")
     readme.adopt(tmp_path)
     text = readme.rendered("<!-- sweep -->\n<!-- end -->")
-    assert "`c --quick`, on a <b>: 16 climbs over 1 drives" in text
+    assert "`c --quick`, on a <b>: 16 climbs over one drive" in text
     assert "| noise [m] | >0.2 | 0.0707 (0.05 to 0.1) |" in text
     assert "| **a** (lost less, p = 0.016) |" in text
     text = readme.rendered("<!-- choice -->\n<!-- end -->")

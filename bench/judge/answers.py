@@ -1,11 +1,12 @@
 """Which algorithm a sweep recommends: paired tests over the same drives.
 
-Two algorithms are compared over the drives that both ran. The first test is survival: each drive
-votes for the run that held more levels, and McNemar's exact test evaluates the votes. The second
-is accuracy: Wilcoxon's signed-rank test of the ratio of the errors over 1 s at the levels that both
-held, one mean log ratio for each drive, if the median ratio exceeds `SAME_ACCURACY_RATIO`. Holm's
-method corrects the p-values of both tests, over all pairs of one question. An algorithm that loses
-a test is beaten. Among the others, the cheapest one with the same accuracy is recommended.
+Two algorithms are compared over the drives that both ran; the seeds of one log are one drive. The
+first test is survival: each drive votes for the run that held more levels, and McNemar's exact test
+evaluates the votes. The second is accuracy: Wilcoxon's signed-rank test of the ratio of the errors
+over 1 s at the levels that both held, one mean log ratio for each drive, if the median ratio
+exceeds `SAME_ACCURACY_RATIO`. Holm's method corrects the p-values of both tests, over all pairs of
+one question. An algorithm that loses a test is beaten. Among the others, the cheapest one with the
+same accuracy is recommended.
 """
 
 from __future__ import annotations
@@ -164,7 +165,7 @@ def error_ratio(a: Errors, b: Errors) -> tuple[float, float]:
     """
     drives: dict[Any, list[float]] = {}
     for key in a.keys() & b.keys():
-        drives.setdefault(key[:2], []).append(float(np.log(a[key] / b[key])))
+        drives.setdefault(key[0], []).append(float(np.log(a[key] / b[key])))
     if not drives:
         return 1.0, 1.0
     logs = np.array([np.mean(values) for values in drives.values()])
@@ -188,7 +189,7 @@ def _cell(
     levels = sweep.facts["levels"][names[0]] if len(names) == 1 else []
     curves = {row: survival.curve(of, len(levels)) for row, of in runs.items() if levels}
     errors, costs = _common(sweep, odometry, names, runs)
-    drives = max(len(of) for of in runs.values())
+    drives = max(len({log for log, _ in of}) for of in runs.values())
     # all rows, if they beat each other in a circle
     unbeaten = [row for row in runs if row not in beaten] or list(runs)
     return Cell(
@@ -230,12 +231,17 @@ def _common(
 
 
 def _beaten(cells: int, tests: Sequence[Test]) -> list[Beaten]:
-    """The beaten rows of each cell of a question; survival comes before accuracy."""
+    """The beaten rows of each cell of a question; survival comes before accuracy.
+
+    The winner is an unbeaten row, if one won against the row.
+    """
     found: list[Beaten] = [{} for _ in range(cells)]
     both = zip(tests, adjusted([test.p for test in tests]), strict=True)
-    for test, p in sorted(both, key=lambda one: (one[0].reason == MORE_ACCURATE, one[1])):
-        if p < SIGNIFICANCE_LEVEL:
-            found[test.cell].setdefault(test.loser, (test.winner, p, test.reason))
+    won = [(test, p) for test, p in both if p < SIGNIFICANCE_LEVEL]
+    losers = {(test.cell, test.loser) for test, _ in won}
+    won.sort(key=lambda one: (one[0][:2] in losers, one[0].reason == MORE_ACCURATE, one[1]))
+    for test, p in won:
+        found[test.cell].setdefault(test.loser, (test.winner, p, test.reason))
     return found
 
 

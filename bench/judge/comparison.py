@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def evaluated(logs: list[LogResult], facts: Line) -> Comparison:
     """Evaluate all runs before anything is written."""
     judged = [_evaluated_log(log) for log in logs]
-    every = [outcome for log in judged for outcome in log.outcomes]
+    every = [log.outcomes for log in judged]
     return Comparison(facts, judged, verdicts.over_logs(every) if len(judged) > 1 else [])
 
 

@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from bench.judge.registration import Reference, register
 from bench.sim.rays import ends_of, rays_of
 from slams.metrics import ate, driven
+from slams.time_series import TimeSeries
 from slams.types import Floats
 
 if TYPE_CHECKING:
@@ -122,13 +124,16 @@ def revisits(t: Floats, poses: Floats) -> tuple[NDArray[np.int64], NDArray[np.in
 def disagreements(runs: Sequence[tuple[Floats, Floats]]) -> list[float | None]:
     """Median distance [m] of each run from the others, rigidly aligned.
 
-    A run has stamps (n,) and poses (n, 3); None where no other run has the same stamps.
+    A run has stamps (n,) and poses (n, 3). Those of the run with more stamps are interpolated at
+    the stamps of the other. None where no other run has poses at the same time.
     """
     distances = np.full((len(runs), len(runs)), np.nan)
-    for i, (t, poses) in enumerate(runs):
-        for j in range(i):
-            _, own, other = np.intersect1d(t, runs[j][0], return_indices=True)
-            if len(own) >= MIN_SHARED_STAMPS:
-                distances[i, j] = distances[j, i] = ate(poses[own], runs[j][1][other])
+    for i, j in combinations(range(len(runs)), 2):
+        (t, poses), (stamps, others) = sorted((runs[i], runs[j]), key=lambda run: len(run[0]))
+        if not np.array_equal(t, stamps):
+            others = TimeSeries(stamps, others).poses_at(t)
+        shared = np.isfinite(others[:, 0])
+        if shared.sum() >= MIN_SHARED_STAMPS:
+            distances[i, j] = distances[j, i] = ate(poses[shared], others[shared])
     rows = [row[np.isfinite(row)] for row in distances]
     return [float(np.median(row)) if len(row) else None for row in rows]

@@ -15,7 +15,7 @@ MAX_POSITION_ERROR = 0.5  # m; with a larger error a robot of this size runs int
 MAX_HEADING_ERROR = 0.3  # rad
 LOSS_REPORT_TIME = 1.0  # s to report a loss; a recovered pose has to hold as long
 MAX_BROKEN_SHARE = 0.05  # of the relations beyond these limits
-MAX_REPORTED_SHARE = 0.05  # of the scans that the algorithm itself reports as lost
+MAX_REPORTED_SHARE = 0.05  # of the scans that the algorithm itself reports as lost, or has not
 
 Flags = NDArray[np.bool_]
 
@@ -55,6 +55,17 @@ def by_report(report: dict[str, Any], scans: int) -> dict[str, Any]:
     """Whether a run was lost by its own report: its number of lost scans."""
     count = int(report.get("lost", 0))
     return {"lost": count > MAX_REPORTED_SHARE * scans, "scans": count}
+
+
+def by_end(t: Floats, scans: Floats) -> dict[str, Any]:
+    """A loss at the last of the stamps t (n,) [s] if too many `scans` (k,) [s] are later, else {}.
+
+    The end may be missing as long as any two poses are apart: of keyframes these are seconds.
+    """
+    end = t.max() + np.diff(np.sort(t)).max()
+    if float(np.mean(scans > end)) <= MAX_REPORTED_SHARE:
+        return {}
+    return {"lost": True, "by": "end", "end": {"at_s": float(t.max() - scans.min())}}
 
 
 def _verdict(off: Flags, t: Floats, reached: Floats | None) -> dict[str, Any]:

@@ -7,6 +7,7 @@ lost level. A failed run counts as lost.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
@@ -86,9 +87,11 @@ def errors(
 
 
 def votes(a: Held, b: Held) -> tuple[int, int]:
-    """Number of drives in which a held more levels, and in which b did, for McNemar's test."""
-    both = a.keys() & b.keys()
-    return sum(a[k] > b[k] for k in both), sum(a[k] < b[k] for k in both)
+    """Number of logs in which a held more levels over all seeds, and in which b did."""
+    more: Counter[str] = Counter()
+    for drive in a.keys() & b.keys():
+        more[drive[0]] += a[drive] - b[drive]
+    return sum(n > 0 for n in more.values()), sum(n < 0 for n in more.values())
 
 
 def curve(runs: Held, levels: int) -> list[Share]:

@@ -63,20 +63,18 @@ def on_one_log(outcomes: list[Outcome]) -> Lines:
     return [entry | {"sentence": _words(entry, "on this log")} for entry in _adjusted(found)]
 
 
-def over_logs(outcomes: list[Outcome], span: str = "1 s") -> Lines:
-    """Every pair of algorithms over all logs: one mean per log, tested over the logs.
+def over_logs(logs: list[list[Outcome]], span: str = "1 s") -> Lines:
+    """Every pair of algorithms over the runs of all logs: a mean per log, tested over the logs.
 
     The logs have to be independent drives. Five never suffice for a p-value below 0.05.
     """
-    logs = list(dict.fromkeys(outcome.row["log"] for outcome in outcomes))
     found: Lines = []
     for measure in ERROR_MEASURES:
         means: dict[str, dict[float, float]] = {}
-        for outcome in outcomes:
+        for number, outcome in ((k, one) for k, log in enumerate(logs) for one in log):
             if span in outcome.errors:
                 mean = float(measure.values(outcome.errors[span]).mean())
-                own = means.setdefault(outcome.row["algorithm"], {})
-                own[float(logs.index(outcome.row["log"]))] = mean
+                means.setdefault(outcome.row["algorithm"], {})[float(number)] = mean
         series = [
             Series(name, np.array([*of]), np.array([*of.values()])) for name, of in means.items()
         ]

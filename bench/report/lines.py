@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from bench.results import Line, Row
+from bench.results import Line, Row, Rows
 
-DECIDING_SPANS = ("1 s", "10 s", "update")  # the first that a log has compares runs
+# the first of all runs of a log compares them; in words
+DECIDING_SPANS = {"1 s": "over 1 s", "10 s": "over 10 s", "update": "per update"}
 # columns of a table: header, path of the value in a row, factor to the unit of the header
 Columns = dict[str, tuple[str, float]]
 
@@ -86,18 +87,17 @@ def scaled(value: Any, scale: float) -> Any:
     return None if value is None else scale * value
 
 
-def deciding_span(row: Row) -> str | None:
-    """The span that compares runs, 1 s if the log has it; None without ground truth."""
-    spans = value(row, "errors/spans") or {}
-    return next((name for name in DECIDING_SPANS if name in spans), None)
+def deciding_span(rows: Rows) -> str | None:
+    """The span that compares the runs of a log, 1 s if all have it; None without ground truth."""
+    known = [spans for row in rows if (spans := value(row, "errors/spans"))]
+    return next((name for name in DECIDING_SPANS if known and all(name in s for s in known)), None)
 
 
-def deciding_error(row: Row) -> float | None:
-    """The error over 1 s [m], or of the relations in a log without ground truth."""
-    span = deciding_span(row)
+def deciding_errors(rows: Rows) -> dict[str, float | None]:
+    """Error [m] of each row of a log over the same span, or of the relations without truth."""
+    span = deciding_span(rows)
     path = f"errors/spans/{span}/se2_translation_m" if span else "relations/all/translation_m"
-    found = value(row, f"{path}/mean")
-    return None if found is None else float(found)
+    return {row["algorithm"]: value(row, f"{path}/mean") for row in rows}
 
 
 def cell(column: str, value: Any) -> str:

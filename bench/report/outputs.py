@@ -9,7 +9,7 @@ import numpy as np
 
 from bench.judge.metrics import ORIENTATION_CLASS_WIDTH, TRANSLATION_CLASS_WIDTH
 from bench.report import figures, palette, pareto, tables, text
-from bench.report.lines import DECIDING_SPANS
+from bench.report.lines import DECIDING_SPANS, deciding_span
 from bench.results import RESULTS_FILE, Comparison
 from slams.formats import trajectory
 
@@ -19,17 +19,8 @@ if TYPE_CHECKING:
 TRUE_MAP_NAME = "true map"
 # files that this and earlier versions write
 OUTPUT_FILES = (
-    RESULTS_FILE,
-    "arrays.npz",
-    "report.html",
-    "tables.md",
-    "table-*.csv",
-    "errors-*.csv",
-    "trajectory-*.tum",
-    "fig*.png",
-    "fig*.pdf",
-    "rescue-*.npz",
-    "result-*.mcap",
+    *(RESULTS_FILE, "arrays.npz", "report.html", "tables.md", "table-*.csv", "errors-*.csv"),
+    *("trajectory-*.tum", "fig*.png", "fig*.pdf", "rescue-*.npz", "result-*.mcap"),
 )
 
 
@@ -58,7 +49,7 @@ def write(folder: Path, comparison: Comparison) -> None:
 
 def place_of(folder: Path, comparison: Comparison, k: int) -> Path:
     """The folder of the k-th log's files: that of the comparison for a single log."""
-    name = comparison.logs[k].entry["name"]
+    name = file_name(comparison.logs[k].entry["name"])
     return folder if len(comparison.logs) == 1 else folder / f"{k + 1}-{name}"
 
 
@@ -87,12 +78,11 @@ def _draw(folder: Path, log: LogResult) -> None:
         ):
             values = {name: getattr(found["update"], kind) for name, found in errors.items()}
             figures.save_histogram(values, kind, width, looks, folder / f"fig{number}_{kind}")
-    span = next((s for s in DECIDING_SPANS if all(s in found for found in errors.values())), "")
+    span = deciding_span(log.rows) or ""
     small = {name: 1e3 * found[span].se2_translation for name, found in errors.items()}
-    what = "error per update" if span == "update" else f"error over {span}"
-    figures.save_overview(
-        small, what, pareto.drawn(Comparison({}, [log], [])), looks, folder / "fig_errors"
-    )
+    points = pareto.drawn(Comparison({}, [log], []))
+    what = f"error {DECIDING_SPANS.get(span)}"
+    figures.save_overview(small, what, points, looks, folder / "fig_errors")
     _draw_paths(folder, log, looks)
     _draw_maps(folder, log, looks)
 

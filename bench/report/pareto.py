@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from bench.report.lines import deciding_error, is_lost
+from bench.report.lines import deciding_errors, is_lost
 
 if TYPE_CHECKING:
     from bench.results import Comparison
@@ -27,9 +27,9 @@ class Point(NamedTuple):
 
 def points(comparison: Comparison) -> list[Point]:
     """A point for each algorithm, means over the logs."""
-    found = []
+    found, by_log = [], [deciding_errors(log.rows) for log in comparison.logs]
     for name, rows in comparison.by_algorithm().items():
-        errors = [1e3 * error for row in rows if (error := deciding_error(row)) is not None]
+        errors = [1e3 * error for of in by_log if (error := of.get(name)) is not None]
         costs = [cost["mean_ms"] for row in rows if (cost := row.get("cost"))]
         found.append(Point(name, _mean(costs), _mean(errors), sum(map(is_lost, rows))))
     return found

@@ -77,14 +77,18 @@ def _bound(value: float, levels: list[float]) -> str:
 def answer(cell: Cell) -> str:
     """The winner with its reason, or the equal rows with the recommended one."""
     if not cell.decidable:
-        number = "one drive" if cell.drives == 1 else f"{cell.drives} drives"
-        return f"{number} cannot decide: take {cell.take}"
-    if len(cell.unbeaten) == 1 and cell.beaten:
-        reasons = listed(list(dict.fromkeys(reason for *_, reason in cell.beaten.values())), "or")
-        return f"**{cell.take}** ({reasons}, {_chance(max(p for _, p, _ in cell.beaten.values()))})"
+        return f"{_drives(cell.drives)} cannot decide: take {cell.take}"
     if not cell.beaten:
         return f"equal within chance: take {cell.take}"
-    return f"{listed(cell.unbeaten, 'or')} within chance: take {cell.take}"
+    others = [row for row, (winner, *_) in cell.beaten.items() if winner not in cell.unbeaten]
+    if len(cell.unbeaten) == 1 and not others:
+        reasons = listed(list(dict.fromkeys(reason for *_, reason in cell.beaten.values())), "or")
+        return f"**{cell.take}** ({reasons}, {_chance(max(p for _, p, _ in cell.beaten.values()))})"
+    return f"{listed([*cell.unbeaten, *others], 'or')} within chance: take {cell.take}"
+
+
+def _drives(n: int) -> str:
+    return "one drive" if n == 1 else f"{n} drives"
 
 
 def _chance(p: float) -> str:
@@ -160,12 +164,14 @@ def terminal(found: Analysis, facts: Line) -> str:
 
 def head(found: Analysis, facts: Line) -> str:
     """The sweep in one line of text."""
-    runs = sum(cell.drives * (len(cell.unbeaten) + len(cell.beaten)) for cell in found.cells)
+    runs = sum(of[0].n for cell in found.cells for of in cell.curves.values())
+    drives = len({log["name"] for log in facts["logs"]})
     places = dict.fromkeys(log["place"] for log in facts["logs"])
+    sensor = f"; {facts['sensor']}" if facts["sensor"] else ""
     rate = f" at {facts['rate']:g} Hz" if facts["rate"] else ""
     return (
-        f"{runs} climbs over {len(facts['logs'])} drives ({', '.join(places)}; "
-        f"{facts['sensor']}{rate}); lost = {facts['lost']}{_settings(facts)}"
+        f"{runs} climbs over {_drives(drives)} ({', '.join(places)}{sensor}"
+        f"{rate}); lost = {facts['lost']}{_settings(facts)}"
     )
 
 

@@ -14,7 +14,7 @@ from bench.report import unaided
 from bench.report.lines import (
     Columns,
     Table,
-    deciding_error,
+    deciding_errors,
     deciding_span,
     frame_of,
     is_lost,
@@ -104,8 +104,8 @@ def main_table(_: Line, rows: Rows) -> pd.DataFrame:
     """The main table: error, lost runs, cost; without ground truth the other measures."""
     without = {} if any(row["errors"] for row in rows) else unaided.measures(rows)
     lines: dict[str, Line] = {}
+    span = deciding_span(rows)
     for row in rows:
-        span = deciding_span(row) or "1 s"
         errors: Columns = {
             f"{span} [mm]": (f"errors/spans/{span}/se2_translation_m/mean", 1e3),
             "ATE [mm]": ("errors/ate_m", 1e3),
@@ -196,11 +196,8 @@ def logs_table(comparison: Comparison) -> pd.DataFrame:
         {"logs": len(comparison.logs), "lost or failed": [sum(of) for of in lost.values()]},
         index=[*runs],
     )
-    kept = [
-        {row["algorithm"]: None if is_lost(row) else deciding_error(row) for row in log.rows}
-        for log in comparison.logs
-    ]
-    errors = pd.DataFrame(kept, columns=[*runs], dtype=float)
+    every = [deciding_errors(log.rows) for log in comparison.logs]
+    errors = pd.DataFrame(every, columns=[*runs], dtype=float).mask(pd.DataFrame(lost))
     if errors.isna().all(axis=None):
         own_names = {name for name in runs if name.partition("@")[0] not in BASELINES}
         ranks, _ = unaided.mean_ranks(comparison, own_names)
@@ -244,10 +241,7 @@ TABLES: dict[str, tuple[str, Maker]] = {
         "Errors of the relations, local ones and loops separately",
         _by(_relations("local", "local ") | _relations("loop", "loop ")),
     ),
-    "unaided": (
-        "Measures without ground truth, for comparison; less is better",
-        unaided_table,
-    ),
+    "unaided": ("Measures without ground truth, for comparison; less is better", unaided_table),
     "maps": ("Maps compared with the true one", _by(MAP_COLUMNS)),
     "cost": ("Cost on one thread", _by(COST_COLUMNS)),
 }

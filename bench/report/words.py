@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from bench.judge.answers import SAME_ACCURACY_RATIO
 from bench.judge.statistics import SIGNIFICANCE_LEVEL
 from bench.report import unaided
-from bench.report.lines import cell, is_lost, listed, value
+from bench.report.lines import DECIDING_SPANS, cell, deciding_span, is_lost, listed, value
 from bench.report.pareto import Point, points
 from bench.results import Line, Row, Rows
 from slams.registry import BASELINES
@@ -47,14 +47,15 @@ def _take(comparison: Comparison, kept: list[Point]) -> list[str]:
     best = judged[0]
     equal = [best, *(one for one in judged[1:] if _alike(comparison, best, one))]
     taken = min(equal, key=lambda one: math.inf if math.isnan(one.cpu_ms) else one.cpu_ms)
-    with_truth = any(row["errors"] for row in comparison.rows if not row["failed"])
-    over = "over 1 s" if with_truth else "by the relations"
-    what = f"{_mm(taken)} {over}{_cost(taken)}"
+    spans = dict.fromkeys(deciding_span(log.rows) or "" for log in comparison.logs)
+    over = [DECIDING_SPANS.get(span, "by the relations") for span in spans]
+    what = f"{_mm(taken)} {listed(over, 'or')}{_cost(taken)}"
     others = [one.name for one in equal if one is not taken]
     verb = "Take" if not taken.lost else "The most accurate one is still"
     words = [f"{verb} {taken.name}: {what}."]
     if others:
-        words.append(f"As accurate within chance, but slower: {listed(others)}.")
+        slower = "" if any(math.isnan(one.cpu_ms) for one in equal) else ", but slower"
+        words.append(f"As accurate within chance{slower}: {listed(others)}.")
     behind = [one for one in judged if one not in equal]
     if behind:
         words.append(

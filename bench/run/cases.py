@@ -33,7 +33,7 @@ class Choice:
 
     `options` for reading a recorded log. By label: `params` of algorithms that differ from their
     presets, and `ros`, the parameters from ROS files. `relations` (k, 5) for the evaluation;
-    `starts` is the number of start scans.
+    `starts` is the number of start scans, `duration` [s] the used part of a log.
     """
 
     limit: int | None = None
@@ -45,10 +45,17 @@ class Choice:
     ros: Mapping[str, Taken] = field(default_factory=dict)
     relations: Floats | None = None
     starts: int = 1
+    duration: float | None = None
 
     def log(self, path: str | Path) -> ScanLog:
         """The chosen part of the log at `path`."""
-        return load(path, self.options).of_one_laser().select(self.limit, self.every, self.odometry)
+        return self.part(load(path, self.options).of_one_laser())
+
+    def part(self, log: ScanLog) -> ScanLog:
+        """The chosen part of a log."""
+        if self.duration is not None:
+            log = log.rows(log.t < log.t[0] + self.duration)
+        return log.select(self.limit, self.every, self.odometry)
 
 
 def reference(log: ScanLog) -> Reference:

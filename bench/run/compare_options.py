@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from slams.scanlog import ScanLog
 
 IDEA_PRESET, ORIGINAL_PRESET = "paper", "original"  # compared beside the defaults
-QUICK_SCANS = 2400
+QUICK_DURATION = 60.0  # s
 
 
 def parser() -> argparse.ArgumentParser:
@@ -36,7 +36,7 @@ def parser() -> argparse.ArgumentParser:
         "--algorithms",
         metavar="NAME",
         nargs="+",
-        help="name, name@preset, module:Class, or a variant NAME:KEY=VALUE,... as a row of its own "
+        help=f"{single.LABEL_WORDS} as a row of its own "
         f"(default: {' '.join(names())}, and NAME@{IDEA_PRESET} of each that has one)",
     )
     p.add_argument(
@@ -161,7 +161,7 @@ def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
         given[label].base = taken.params
     params = {label: single.params_of(label, arguments.sensor, given) for label in labels}
     return Choice(
-        arguments.limit or (QUICK_SCANS if arguments.quick else None),
+        arguments.limit,
         arguments.every,
         not arguments.no_odometry,
         int(common.get("seed", 0)),
@@ -169,6 +169,7 @@ def _choice(arguments: argparse.Namespace, labels: list[str]) -> Choice:
         params,
         ros,
         starts=arguments.starts,
+        duration=QUICK_DURATION if arguments.quick else None,
     )
 
 

@@ -25,8 +25,7 @@ def claimed(out: str | None, logs: Iterable[str], force: bool) -> Path:
     """
     from slams.formats import files
 
-    names = [Path(log).name.partition(".")[0] or "log" for log in logs]
-    default = RESULTS_FOLDER / "-".join(["compare", *names])[:MAX_NAME_LENGTH].rstrip("-")
+    default = named_after("compare", logs)
     if out is None and not force:
         files.check_folder(default.parent)
         return files.unused(default)
@@ -43,11 +42,18 @@ def claimed(out: str | None, logs: Iterable[str], force: bool) -> Path:
     return folder
 
 
-def cleared(folder: Path, patterns: tuple[str, ...]) -> None:
-    """Delete the files of earlier calls, in the folder and in the folders of single logs."""
+def named_after(command: str, logs: Iterable[str]) -> Path:
+    """The default folder of a command over these logs."""
+    names = [Path(log).name.partition(".")[0] or "log" for log in logs]
+    return RESULTS_FOLDER / "-".join([command, *names])[:MAX_NAME_LENGTH].rstrip("-")
+
+
+def cleared(folder: Path, patterns: tuple[str, ...], inputs: Iterable[str] = ()) -> None:
+    """Delete the files of earlier calls but no inputs, here and in the folders of single logs."""
+    kept = {Path(path).resolve() for path in inputs}
     for place in [folder, *folder.glob("[0-9]*-*")]:
-        for pattern in patterns:
-            for path in place.glob(pattern):
+        for path in (path for pattern in patterns for path in place.glob(pattern)):
+            if path.resolve() not in kept:
                 path.unlink()
         if place != folder and place.is_dir() and not any(place.iterdir()):
             place.rmdir()

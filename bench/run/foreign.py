@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from bench.judge import metrics
+from bench.judge import loss, metrics
 from bench.results import Outcome, Row
 from bench.run.cases import judged
 from bench.run.single import named
@@ -72,7 +72,7 @@ def foreign_case(foreign: Foreign, log: ScanLog, relations: Floats | None = None
     """The outcome of another program's run, without its CPU time.
 
     Poses keep their own stamps; those outside the log are left out. Ground truth and poses are
-    interpolated, never extrapolated.
+    interpolated, never extrapolated. A run that ends before the log is lost from its end.
 
     Raises:
         ValueError: fewer than two of its poses are within the log's time.
@@ -96,6 +96,8 @@ def foreign_case(foreign: Foreign, log: ScanLog, relations: Floats | None = None
     row |= judged(log, t, poses_at_first, None, {})
     if relations is not None:
         row |= _by_relations(foreign, log, relations, row)
+    if not row["loss"]["lost"]:
+        row["loss"] |= loss.by_end(t, log.t)
     common = metrics.common_with(log, t, poses_at_first)
     return Outcome(row, t, poses_at_first, grid=foreign.grid, common=common, frame=frame)
 
@@ -142,5 +144,4 @@ def _by_relations(foreign: Foreign, log: ScanLog, relations: Floats, row: Row) -
     at_scans = foreign.track.known_poses_at(log.t)
     known = np.isfinite(at_scans[:, 0])
     found = judged(log, log.t[known], at_scans[known], relations, {})
-    loss = row["loss"] if row["errors"] else found["loss"]
-    return {"relations": found["relations"], "loss": loss}
+    return {"relations": found["relations"], "loss": (row if row["errors"] else found)["loss"]}

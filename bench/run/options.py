@@ -17,11 +17,12 @@ def add_jobs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=cli.count, metavar="N", default=DEFAULT_JOBS, help=words)
 
 
-def add_output(parser: argparse.ArgumentParser, out: str) -> None:
-    """Add --out and -q."""
-    parser.add_argument(
-        "--out", metavar="DIR", default=out, help="folder of the results (default: %(default)s)"
-    )
+def add_output(parser: argparse.ArgumentParser, default: str) -> None:
+    """Add --out, --force and -q."""
+    out = f"folder of the results (default: results/{default})"
+    parser.add_argument("--out", metavar="DIR", help=out)
+    force = "replace the results of other settings in the folder; finished runs are kept"
+    parser.add_argument("--force", action="store_true", help=force)
     parser.add_argument(
         "-q", "--quiet", action="store_true", help="print no progress and no tables"
     )

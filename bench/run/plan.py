@@ -134,9 +134,11 @@ class Plan:
             for k, (level, trial) in enumerate(zip(levels, tried, strict=False)):
                 trials.append(case.known | {"level": level} | cast("Trial", trial))
                 costs.append(spent[k] if k < len(spent) else None)
-        return Sweep(self._facts(), trials, costs, record)
+        return Sweep(self.facts(), trials, costs, record)
 
-    def _facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, Any]:
+        """The facts of a `Sweep`, which tell it from one of other settings."""
+        recorded = any(one.recorded is not None for one in self.logs)
         entries = [CATALOG[name] for name in self.conditions]
         settings = self.settings()
         return {
@@ -147,8 +149,10 @@ class Plan:
                 {"name": one.name, "place": one.place, "seed": one.seed, **one.identity}
                 for one in self.logs
             ],
+            "algorithms": self.algorithms,
+            "odometry": list(self.odometry),
             "rate": self.rate,
-            "sensor": self.sensor or "utm30lx",
+            "sensor": self.sensor or (None if recorded else "utm30lx"),
             "lost": loss.words(),
             **({"settings": settings} if settings else {}),
         }
@@ -183,7 +187,7 @@ class Plan:
 
 
 def conditions_of(chosen: list[str]) -> Conditions:
-    """The chosen degradations with their levels, in the order of the catalog.
+    """The chosen degradations in the order of the catalog, their levels from mild to severe.
 
     A name without a level has all levels of the catalog, `noise=0.05 noise=0.1` these two. "all"
     means all degradations.
@@ -200,7 +204,7 @@ def conditions_of(chosen: list[str]) -> Conditions:
             found.setdefault(name, []).append(entry.checked(level))
         else:
             found[name] = [float(level) for level in entry.levels]
-    return {name: tuple(dict.fromkeys(found[name])) for name in CATALOG if name in found}
+    return {name: CATALOG[name].ordered(found[name]) for name in CATALOG if name in found}
 
 
 def logs_of(paths: list[str], drives: Drives, options: SourceOptions) -> list[Given]:

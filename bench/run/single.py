@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from slams.params import Params
 
 
+LABEL_WORDS = "name, name@preset, module:Class, or a variant NAME:KEY=VALUE,..."
+
+
 @dataclass
 class Single:
     """The settings of one algorithm: common values, YAML files, its own values.
@@ -103,9 +106,7 @@ def variant(label: str, /, **settings: str) -> str:
 
 
 def params_of(
-    label: str,
-    sensor: str | None = None,
-    given: Mapping[str, Single] = MappingProxyType({}),
+    label: str, sensor: str | None = None, given: Mapping[str, Single] = MappingProxyType({})
 ) -> Params:
     """The parameters of a label; precedence: preset < sensor < `given` < the variant's own.
 

@@ -37,12 +37,10 @@ def content_of(log: ScanLog) -> str:
     found = hashlib.sha256(repr(log.laser).encode())
     for values in (log.t, log.ranges):
         found.update(np.ascontiguousarray(values).tobytes())
-    for track in (log.odom, log.truth, log.yaw_rate):
+    for track in (log.odom, log.truth, log.yaw_rate, log.attitude):
         if track is not None:
             found.update(track.t.tobytes() + np.ascontiguousarray(track.values).tobytes())
         found.update(b"|")
-    if log.attitude is not None:
-        found.update(log.attitude.t.tobytes() + log.attitude.values.tobytes())
     return found.hexdigest()
 
 
@@ -94,10 +92,10 @@ def _freeze_kernels(label: str) -> None:
 
 
 def judged(run: Run, log: ScanLog) -> Trial:
-    """The figures of a run by the log's ground truth."""
+    """The figures of a run by the log's ground truth; ValueError without one."""
     common = metrics.common_with(log, run.t, run.poses)
     if common is None:
-        return {"failed": f"{log.name}: fewer than two scans have ground truth"}
+        raise ValueError(f"{log.name}: fewer than two scans have ground truth")
     row = sources(run.report, len(run))
     off = beyond(common)
     covered = ~np.isnan(log.truth_at(run.t)[:, 0])  # type: ignore[index]
@@ -150,12 +148,15 @@ def _loaded(identity: str, recorded: str | None) -> ScanLog:
 
 @lru_cache(maxsize=10)  # levels of a climb; the next algorithm uses the same logs
 def _log_of(identity: str, condition: str, level: float, recorded: str | None) -> ScanLog:
-    """The log at a level of a condition (JSON), reduced to its scan rate."""
+    """The log at a level of a condition (JSON), reduced to its scan rate.
+
+    Noise of the stamps does not change the period of a log with the same scans.
+    """
     from bench.sim.degrade import degrade
 
-    known = json.loads(condition)
-    log = degrade(_loaded(identity, recorded), known["degradation"], level, known["seed"])
-    if known["rate"] is None or log.scan_period <= 0.0:
+    known, whole = json.loads(condition), _loaded(identity, recorded)
+    log = degrade(whole, known["degradation"], level, known["seed"])
+    period = (whole if len(log) == len(whole) else log).scan_period
+    if known["rate"] is None or period <= 0.0:
         return log
-    every = max(1, round(1.0 / (known["rate"] * log.scan_period)))
-    return log.select(every=every)
+    return log.select(every=max(1, round(1.0 / (known["rate"] * period))))

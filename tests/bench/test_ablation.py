@@ -101,6 +101,7 @@ def test_the_file_and_the_heading_say_what_was_set(room_file, tmp_path, here):
     assert list(dict.fromkeys(t["algorithm"] for t in found.trials)) == rows
     assert not any(t["failed"] for t in found.trials)
     head = sweep_tables.head(analysis(found), found.facts)
+    assert " climbs over one drive (room at 10 Hz); lost" in head, "of no simulated laser"
     assert head.endswith(f"; {TOY} with loud=true; {rows[1]} with loud=true")
 
 
@@ -122,11 +123,13 @@ def test_mcnemar_counts_the_coins_that_fall_as_far_from_even():
         assert mcnemar(a, b) == pytest.approx(ways / 2**n)
 
 
-def test_every_switch_gets_a_row_beside_the_whole(tmp_path, capsys, here):
-    out = tmp_path / "out"
+def test_every_switch_gets_a_row_beside_the_whole(tmp_path, capsys, here, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    out = tmp_path / "results" / "ablation-tests-bench-test_ablation-Toy"
     words = [TOY, "--arenas", "ring", "--seeds", "2", "--seed", "3", "--duration", "2"]
-    words += ["--degradations", "noise=0.05", "noise=0.1", "--jobs", "1", "--out", str(out)]
+    words += ["--degradations", "noise=0.05", "noise=0.1", "--jobs", "1"]
     assert ablation.main(words) == 0
+    assert ablation.main([*words, "--rate", "5"]) == 2
     with (out / "ablation.csv").open() as file:
         lines = {line[TOY]: line for line in csv.DictReader(file)}
     assert list(lines) == ["all", "steady=false", "odd=true"]

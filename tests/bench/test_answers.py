@@ -40,7 +40,7 @@ def test_a_run_holds_the_levels_before_the_one_that_lost_it_and_one_that_failed_
 def test_each_drive_has_one_vote_over_all_degradations_together():
     a = {("l0", 0): 2, ("l1", 0): 1, ("l1", 1): 3, ("l9", 0): 9}
     b = {("l0", 0): 2, ("l1", 0): 0, ("l1", 1): 9}
-    assert survival.votes(a, b) == (1, 1)
+    assert survival.votes(a, b) == (0, 1), "both seeds of l1 are one drive"
     trials = climbs([2]) + [one | {"degradation": "beams"} for one in climbs([3])]
     assert survival.held(trials, False, ("noise", "beams")) == {"a": {("l0", 0): 5}}
 
@@ -132,6 +132,25 @@ def test_of_rows_that_survive_alike_the_more_accurate_wins_by_name():
     (cell,) = cells(trials)
     assert cell.beaten == {"b": ("a", pytest.approx(TESTS * 2.0 / 2**9), "more accurate")}
     assert sweep_tables.answer(cell) == "**a** (more accurate, p = 0.0078)"
+
+
+def test_a_row_in_bold_won_against_each_other_row():
+    wins = [("b", "c", 1e-5), ("a", "b", 1e-4), ("a", "c", 1e-3)]
+    tests = [answers.Test(0, winner, loser, "lost less", p) for winner, loser, p in wins]
+    (cell,) = cells(climbs([3] * 9) + climbs([1] * 9, algorithm="b"))
+    for some, said in ((tests, "**a** (lost less, p = 0.001)"), (tests[:2], "a or c within")):
+        (beaten,) = answers._beaten(1, some)
+        assert sweep_tables.answer(cell._replace(beaten=beaten)).startswith(said)
+
+
+def test_seeds_of_one_log_are_one_drive():
+    pairs = [
+        climb(held, algorithm=row, seed=k) for k in range(9) for row, held in (("a", 3), ("b", 1))
+    ]
+    found = sweep_of([one for of in pairs for one in of])
+    (cell,) = analysis(found).cells
+    assert sweep_tables.answer(cell) == "one drive cannot decide: take a"
+    assert sweep_tables.head(analysis(found), found.facts).startswith("18 climbs over one drive")
 
 
 def test_a_difference_within_the_same_accuracy_is_none():

@@ -1,6 +1,7 @@
 """Plans of comparisons and sweeps: options of algorithms, what is tried by chance, folders."""
 
 import math
+import shutil
 
 import pytest
 
@@ -48,6 +49,12 @@ def test_a_variant_is_a_row_with_its_own_settings():
     assert outcome.grid.resolution == 0.1
 
 
+def test_quick_is_a_minute_of_the_log():
+    arguments = compare_options.parser().parse_args(["--quick", "--every", "2"])
+    choice, _ = compare_options.checked(arguments, [])
+    assert len(choice.part(drive(80, 1.0))) == 30
+
+
 def test_the_last_seed_for_all_counts():
     assert seeds(["1", "tsd:2", "3"]) == ({"seed": "3"}, ["tsd:seed=2"])
     assert seeds([]) == ({}, [])
@@ -61,6 +68,7 @@ def test_results_are_named_after_the_log_and_a_taken_name_gets_a_number(tmp_path
 
     assert claimed() == folder.RESULTS_FOLDER / "compare"
     assert claimed("bags/drive.bag") == folder.RESULTS_FOLDER / "compare-drive"
+    assert folder.named_after("sweep", ["a/room.npz"]) == folder.RESULTS_FOLDER / "sweep-room"
     assert claimed("a.npz", "b.log.gz") == folder.RESULTS_FOLDER / "compare-a-b"
     (tmp_path / "results" / "compare-drive").mkdir(parents=True)
     assert claimed("drive.bag").name == "compare-drive-2"
@@ -89,9 +97,12 @@ def test_no_stale_file_stays_beside_a_new_report(room_file, tmp_path, capsys, he
     assert compare.main([*words, "odometry"]) == 2
     assert "has results already" in capsys.readouterr().err
     assert (out / "errors-tests.bench.test_html.Still.csv").exists()
-    assert compare.main([*words, "odometry", "--force"]) == 0
+    log = shutil.move(room_file, out / "rescue-0.npz")  # as an earlier call may have simulated it
+    other = shutil.copy(out / "trajectory-odometry.tum", out / "trajectory-other.tum")
+    words = [str(log), *words[1:], "odometry", "--trajectory", f"theirs={other}", "--force"]
+    assert compare.main(words) == 0
     names = {path.name for path in out.iterdir()}
-    assert {"notes.txt", "errors-odometry.csv", "report.html"} <= names
+    assert {"notes.txt", "errors-odometry.csv", "report.html", log.name, other.name} <= names
     assert not [name for name in names if "Still" in name]
 
 
@@ -153,7 +164,9 @@ def test_a_name_alone_is_all_its_levels_and_levels_by_hand_are_one_climb():
     found = plan.conditions_of(["noise=0.3", "beams", "noise=0.01", "clean"])
     counts = [(name, len(levels)) for name, levels in found.items()]
     assert counts == [("clean", 1), ("beams", 8), ("noise", 2)]
-    assert found["noise"] == (0.3, 0.01)
+    assert found["noise"] == (0.01, 0.3)
+    found = plan.conditions_of(["beams=20", "beams=60", "beams=20", "bias=-0.2", "bias=0.1"])
+    assert found == {"beams": (60, 20), "bias": (0.1, -0.2)}, "from mild to severe, each once"
     assert len(plan.conditions_of(["all"])) == len(CATALOG)
 
 
@@ -166,8 +179,9 @@ def test_a_name_alone_is_all_its_levels_and_levels_by_hand_are_one_climb():
     ],
 )
 def test_rate_and_sensor_are_those_that_were_asked_for(words, rate, sensor):
-    arguments = sweep.parser().parse_args(["--arenas", "rescue", "--algorithms", "hector", *words])
-    made = sweep._plan(arguments)
+    twice = ["--arenas", "ring", "ring", "--algorithms", "tsd", "tsd", *words]
+    made = sweep._plan(sweep.parser().parse_args(twice))
+    assert (made.algorithms, len(made.logs)) == (["tsd"], sweep.N_DRIVES)
     assert (made.rate, made.sensor, made.odometry) == (rate, sensor, (False, True))
 
 

@@ -8,7 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from bench.run import trial
 from bench.run.plan import conditions_of
+from bench.run.store import canonical
 from bench.sim.degrade import CATALOG, degrade
 from slams.scanlog import ScanLog, TimeSeries
 from tests.rooms import ROOM, cast, drive, drive_poses, laser
@@ -330,18 +332,20 @@ def test_speed_is_the_same_way_in_less_time_under_the_same_laser():
     t, lidar = log.t + 100.0, dataclasses.replace(log.laser, time_increment=2e-4)
     names = ("odom", "truth", "yaw_rate")
     tracks = {name: TimeSeries(t, getattr(log, name).values) for name in names}
-    late = dataclasses.replace(log, t=t, laser=lidar, **tracks)
+    roll = TimeSeries(t, np.sin(np.stack([log.t, 2.0 * log.t], axis=1)))
+    late = dataclasses.replace(log, t=t, laser=lidar, attitude=roll, **tracks)
     fast = degrade(late, "speed", 2, 0)
     assert fast.t[0] == 100.0 and fast.scan_period == pytest.approx(log.scan_period)
     assert fast.laser.time_increment == 1e-4
     np.testing.assert_array_equal(fast.ranges, log.ranges[::2])
     np.testing.assert_allclose(fast.truth_at(fast.t), log.truth.values[::2], atol=1e-9)
     np.testing.assert_allclose(fast.odometry_at_scans(), log.odom.values[::2], atol=1e-9)
+    np.testing.assert_allclose(fast.attitude_at_scans(), roll.values[::2], atol=1e-9)
     turned = log.yaw_rate.integral_at(log.t)[::2]
     np.testing.assert_allclose(fast.yaw_rate.integral_at(fast.t), turned, atol=1e-9)
 
 
-def test_jitter_moves_stamps_and_not_the_truth_of_a_scan():
+def test_jitter_moves_stamps_and_not_the_truth_of_a_scan(monkeypatch):
     log = plain(400)
     ragged = degrade(log, "jitter", 10, 0)
     assert (ragged.t - log.t).std() == pytest.approx(0.01, rel=0.1)
@@ -350,6 +354,10 @@ def test_jitter_moves_stamps_and_not_the_truth_of_a_scan():
     off = ragged.odometry_at_scans() - log.odometry_at_scans()
     assert 1e-3 < np.nanstd(off[:, 0]) < 0.01
     assert degrade(log, "jitter", 100, 0).stamp_jumps > 50
+    monkeypatch.setattr(trial, "_loaded", lambda *_: log)
+    condition = canonical({"degradation": "jitter", "seed": 7, "rate": 5.0})
+    for level in CATALOG["jitter"].levels:
+        assert len(trial._log_of("jittered", condition, level, None)) == len(log) / 4
 
 
 def test_lag_puts_the_odometry_of_later_into_a_scan():

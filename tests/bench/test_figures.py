@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from bench import results
-from bench.report import figures, palette
+from bench.report import figures, outputs, palette
 from bench.report.html import document
 from bench.report.pareto import Point
 from bench.report.tables import OVER_LOGS_TITLE, logs_table
@@ -142,6 +142,8 @@ def test_several_logs_get_one_table_and_one_page(made):
     for link in re.findall(r'href="([^"#]+)"', page):
         assert (folder / unquote(link)).is_file()
     assert (folder / "table-logs.csv").read_text().startswith("algorithm,logs,")
+    other = found.logs[0]._replace(reference=results.Reference({"name": "a/b"}))
+    assert outputs.place_of(folder, found._replace(logs=[other] * 2), 1) == folder / "2-a-b"
     names = {path.name for path in (folder / "2-room").iterdir()}
     assert {"report.html", "tables.md", "errors-odometry.csv"} <= names
 

@@ -118,9 +118,17 @@ def test_relations_are_met_by_interpolation(log, estimate):
     found = foreign_case(Foreign("x", fine, None), log, relations)
     assert found.row["relations"]["used"] == 2
     assert found.row["relations"]["all"]["translation_m"]["max"] < 0.01
-    for part in (slice(0, 60, 2), np.r_[:30, 60:80]):  # it ends early, or has a gap
-        short = TimeSeries(log.t[part], moved(OTHER, truth[part]))
-        assert foreign_case(Foreign("x", short, None), log, relations).row["relations"]["used"] == 1
+    keyframes = TimeSeries(log.t[::20], truth[::20])  # the last two seconds have none
+    for row in (found.row, foreign_case(Foreign("x", keyframes, None), log).row):
+        assert not row["loss"]["lost"]
+    gap = np.r_[:30, 60:80]
+    for part in (slice(0, 60, 2), gap):  # it ends early, or has a gap
+        cut = TimeSeries(log.t[part], moved(OTHER, truth[part]))
+        rows = [foreign_case(Foreign("x", cut, None), log, known).row for known in (None, relations)]
+        assert rows[1]["relations"]["used"] == 1
+        if part is not gap:
+            assert all(row["loss"]["by"] == "end" and row["loss"]["lost"] for row in rows)
+            assert rows[1]["loss"]["end"]["at_s"] == pytest.approx(log.t[58] - log.t[0])
 
 
 def test_start_luck_is_told(log, tmp_path, capsys):

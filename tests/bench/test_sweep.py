@@ -1,5 +1,7 @@
 """The sweep: climbs, and that they are the same wherever they are done; its page and files."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -13,6 +15,7 @@ from bench.run import trial as trial_module
 from bench.run.trial import judged
 from slams import Params
 from slams.player import Run, replay
+from slams.scanlog import TimeSeries
 from tests.bench.test_html import Still
 from tests.rooms import drive
 
@@ -100,6 +103,8 @@ def test_a_trial_is_judged_against_the_truth():
     right = judged(run, log.select(odometry=False))
     assert not right["lost"] and right["wheels_ate_m"] is None
     assert right["ate_m"] == pytest.approx(0.0, abs=1e-9)
+    with pytest.raises(ValueError, match="fewer than two scans"):  # which has no cost either
+        judged(run, replace(log, truth=TimeSeries(log.t + 99.0, truth)))
 
 
 def test_what_would_be_another_runs_twin_is_left_out(room_file, tmp_path):
@@ -193,7 +198,13 @@ def test_what_is_done_is_not_done_again_nor_counted(room_file, tmp_path, capsys,
     assert {p.name for p in gone} <= done_again
     assert len(done_again) <= 4  # and what they cost
     assert counted == [15, 2]
-    assert "15 runs, 13 kept from before, 2 to do\n" in capsys.readouterr().err
+    (tmp_path / "out" / "table-critical-9.csv").touch()
+    assert command.main([*words, "--odometry", "with"]) == 2
+    assert command.main([*words, "--odometry", "with", "--force"]) == 0
+    assert not (tmp_path / "out" / "table-critical-9.csv").exists()
+    said = capsys.readouterr().err
+    assert "15 runs, 13 kept from before, 2 to do\n" in said
+    assert "out: has other results; expected another --out, or --force\n" in said
 
 
 def test_the_degradations_are_listed_with_units_and_levels(capsys):

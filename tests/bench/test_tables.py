@@ -134,6 +134,21 @@ def test_the_answer_is_the_cheapest_of_those_as_accurate_within_chance():
     ]
 
 
+def test_errors_are_compared_over_one_span_and_costs_only_if_known():
+    slow = row("b", 0.005, cost=None)
+    slow["errors"]["spans"] = {"10 s": slow["errors"]["spans"]["1 s"]}
+    both = row("a", 0.001)
+    both["errors"]["spans"]["10 s"] = row(error=0.006)["errors"]["spans"]["1 s"]
+    found = compared([both, slow])
+    found.logs[0].entry["verdicts"] = [pair("a", "b", 0.3)]
+    assert tables.main_table({}, [both, slow])["10 s [mm]"].tolist() == [6.0, 5.0]
+    assert tables.logs_table(found)["mean rank"].tolist() == [2.0, 1.0]
+    assert words.answer(found)[:2] == [
+        "Take a: 6.00 mm over 10 s, 1.000 ms per scan.",
+        "As accurate within chance: b.",
+    ]
+
+
 def test_over_logs_those_lost_least_come_first_and_the_verdicts_are_those_over_all():
     logs = [
         [row("a", 0.003), row("b", 0.002), row("c", 0.001), row("odometry", 0.0)],

@@ -20,9 +20,9 @@ def errors(mean, t=None, seed=0):
     return SpanErrors(t, values, values, values)
 
 
-def outcome(name, mean=0.001, log="l0", span="1 s", seed=0, **more):
+def outcome(name, mean=0.001, span="1 s", seed=0):
     series = {} if mean is None else {span: errors(mean, seed=seed)}
-    return SimpleNamespace(row={"algorithm": name, "log": log} | more, errors=series)
+    return SimpleNamespace(row={"algorithm": name, "log": "same"}, errors=series)
 
 
 def test_pairs_come_in_the_order_of_their_errors_and_tell_who_is_next_to_whom():
@@ -49,7 +49,8 @@ def test_the_span_is_the_first_that_all_runs_have():
 
 def translation(means):
     """The verdicts over logs from mean errors: algorithm to log to error."""
-    runs = [outcome(a, mean, log) for a, of in means.items() for log, mean in of.items()]
+    names = sorted({log for of in means.values() for log in of})
+    runs = [[outcome(a, of[log]) for a, of in means.items() if log in of] for log in names]
     return [line for line in verdicts.over_logs(runs) if line["measure"] == "translation"]
 
 
@@ -135,6 +136,8 @@ def test_a_run_without_revisits_has_no_error_there():
 def test_the_odd_one_out_disagrees_most():
     t, way = np.arange(20.0), np.random.default_rng(0).random((20, 3))
     odd = way * (3.0, 3.0, 1.0)
-    apart = judged.disagreements([(t, way), (t, way), (t, odd), (t + 0.5, way)])
-    assert apart[0] == pytest.approx(0.5 * apart[2])
-    assert apart[3] is None, "no stamp in common"
+    between = t[1:] - 0.5, 0.5 * (way[1:] + way[:-1])
+    for other in ((t, way), between):
+        apart = judged.disagreements([(t, way), other, (t, odd), (t + 50.0, way)])
+        assert apart[0] == pytest.approx(0.5 * judged.disagreements([(t, way), (t, odd)])[0])
+        assert apart[3] is None, "no time in common"

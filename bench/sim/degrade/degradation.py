@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -80,6 +80,10 @@ class Degradation:
                 f" for instance {known}"
             )
         return number
+
+    def ordered(self, levels: Iterable[float]) -> tuple[float, ...]:
+        """The different levels from mild to severe."""
+        return tuple(sorted(set(levels), key=abs, reverse=self.levels[-1] < self.levels[0]))
 
     def lacks(self, log: ScanLog) -> str:
         """The missing data that this degradation needs, in words; empty if none."""

@@ -47,6 +47,7 @@ def speed(log: ScanLog, level: float) -> ScanLog:
         odom=_hurried(log.odom, start, level),
         truth=_hurried(log.truth, start, level),
         yaw_rate=_hurried(log.yaw_rate, start, level, level),
+        attitude=_hurried(log.attitude, start, level),
     )
     return hurried.rows(at_rate(hurried.t, 1.0 / period)) if period > 0.0 else hurried
 
