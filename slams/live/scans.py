@@ -5,10 +5,18 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from slams.formats.frames import without_slash
-from slams.formats.sweep import LaserMount, Sweep, has_directions, resampled, same_directions
+from slams.formats.sweep import (
+    LaserMount,
+    Sweep,
+    has_directions,
+    range_limits,
+    resampled,
+    same_directions,
+)
 from slams.ros.messages import READERS, SCAN_TYPE, Record, seconds, typestore
 from slams.types import Laser
 
@@ -102,14 +110,20 @@ class ScanQueue:
             return self._changed.wait_for(self._next, timeout)
 
     def laser(self, scan: ReceivedScan) -> Laser:
-        """The laser of a scan, the same object as long as its beams keep their directions."""
+        """The laser of a scan, the same object as long as its beams keep their directions.
+
+        A laser without a valid range limit is a new one when it reads farther than before.
+        """
         sweeps, laser = self._lasers.get(scan.topic, ([], None))
         if sweeps and not same_directions(scan.sweep.geometry, sweeps[0].geometry):
             sweeps = []
-        if laser is None or len(sweeps) < 2:  # from the second sweep on the scan interval is known
-            sweeps = [*sweeps, scan.sweep]
+        if laser is None or len(sweeps) < 2:  # two sweeps give the scan interval
+            sweeps = [*sweeps, scan.sweep, *self._following(scan)][:2]
             found = resampled(sweeps, self._mounts[scan.topic], self.notes).laser
             laser = laser if found == laser else found
+        _, reach = range_limits(sweeps[0].geometry, scan.sweep.ranges, [])
+        if reach > laser.range_max:
+            laser = replace(laser, range_max=reach)
         self._lasers[scan.topic] = sweeps, laser
         return laser
 
@@ -119,6 +133,12 @@ class ScanQueue:
         note = f"{error}; such scans are left out"
         if note not in self.notes:
             self.notes.append(note)
+
+    def _following(self, scan: ReceivedScan) -> list[Sweep]:
+        """The queued sweeps of the same laser and directions."""
+        with self._changed:
+            same = [one.sweep for one in self._waiting if one.topic == scan.topic]
+        return [one for one in same if same_directions(one.geometry, scan.sweep.geometry)]
 
     def _next(self) -> ReceivedScan | None:
         while self._waiting and not self.has_mount(self._waiting[0].topic):
