@@ -118,7 +118,10 @@ class ScanQueue:
         if sweeps and not same_directions(scan.sweep.geometry, sweeps[0].geometry):
             sweeps = []
         if laser is None or len(sweeps) < 2:  # two sweeps give the scan interval
-            sweeps = [*sweeps, scan.sweep, *self._following(scan)][:2]
+            with self._changed:
+                queued = [one.sweep for one in self._waiting if one.topic == scan.topic]
+            later = [one for one in queued if same_directions(one.geometry, scan.sweep.geometry)]
+            sweeps = [*sweeps, scan.sweep, *later][:2]
             found = resampled(sweeps, self._mounts[scan.topic], self.notes).laser
             laser = laser if found == laser else found
         _, reach = range_limits(sweeps[0].geometry, scan.sweep.ranges, [])
@@ -133,12 +136,6 @@ class ScanQueue:
         note = f"{error}; such scans are left out"
         if note not in self.notes:
             self.notes.append(note)
-
-    def _following(self, scan: ReceivedScan) -> list[Sweep]:
-        """The queued sweeps of the same laser and directions."""
-        with self._changed:
-            same = [one.sweep for one in self._waiting if one.topic == scan.topic]
-        return [one for one in same if same_directions(one.geometry, scan.sweep.geometry)]
 
     def _next(self) -> ReceivedScan | None:
         while self._waiting and not self.has_mount(self._waiting[0].topic):

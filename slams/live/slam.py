@@ -101,6 +101,7 @@ class LiveSlam:
         self._slam: Slam = given or (saved.slam if saved else entry.cls(self.params))
         self.last: Estimate | None = None
         self._scan: Scan | None = None
+        self._mounts: list[tuple[Pose2, float]] = []  # of the lasers that scanned at its stamp
         self._matched_at, self._n_late = -math.inf, 0
         self._counts = dict.fromkeys(PUSH_COUNTERS, 0)
 
@@ -160,7 +161,7 @@ class LiveSlam:
         scan = replace(scan, ranges=rep117(scan.ranges, scan.laser))
         with self._lock:
             scan = self._validated(scan)
-            previous = self._previous_if_not_newer(scan.t)
+            previous = self._previous_if_not_newer(scan)
             if previous is not None:
                 return previous
             self._counts["scans"] += 1
@@ -243,9 +244,14 @@ class LiveSlam:
             mid_yaw=mid_yaw,
         )
 
-    def _previous_if_not_newer(self, t: float) -> Estimate | None:
-        """The last estimate if t is not newer; after many such stamps the clock was set back."""
-        if self.last is not None and t <= self.last.t:
+    def _previous_if_not_newer(self, scan: Scan) -> Estimate | None:
+        """The last estimate if the scan is late or repeated; after many the clock was set back.
+
+        At the stamp of the last scan another laser's scan, told by its mount, is not repeated.
+        """
+        t, mount = scan.t, (scan.laser.mount, scan.laser.mount_z)
+        others = self._mounts if self.last is not None and t == self.last.t else []
+        if self.last is not None and (t < self.last.t or mount in others):
             self._counts["repeated" if t == self.last.t else "late"] += 1
             self._n_late += t < self.last.t
             if self._n_late <= MAX_CONSECUTIVE_LATE:
@@ -253,7 +259,7 @@ class LiveSlam:
                 return self.last
             self._counts["clock_set_back"] += 1
             self._matched_at = t
-        self._n_late = 0
+        self._n_late, self._mounts = 0, [*others, mount]
         return None
 
     def _estimate(self, scan: Scan, pose: Pose2) -> Estimate:
