@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -95,18 +96,20 @@ def _command(arguments: argparse.Namespace) -> int:
     params = getattr(slam, "params", params)
     start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
     run = replay(slam, cli.progress(log, len(log), entry.label, arguments.quiet))
-    if arguments.save_state:
-        from slams.state.store import save_after
-
-        state, last = arguments.save_state, float(log.t[-1])
-        cli.refusing(lambda: save_after(slam, state, last, log.ranges[-1]))
     summary = summarize(run, log, entry.label, params, start_up_s)
     if ros is not None:
         from slams.ros import ros_params
 
         summary["ros_params"] = ros_params.record(ros)
     path, bag = (run.t, run.poses, run.corrected), log if arguments.mcap else None
-    cli.refusing(lambda: write_drive(folder, slam.map(), path, summary, bag))
+    outputs: list[Callable[[], None]] = []
+    outputs.append(lambda: write_drive(folder, slam.map(), path, summary, bag))
+    if arguments.save_state:
+        from slams.state.store import save_after
+
+        state, last = arguments.save_state, float(log.t[-1])
+        outputs.append(lambda: save_after(slam, state, last, log.ranges[-1]))
+    cli.refusing_each(outputs)
     if not arguments.quiet:
         written = ", ".join(files_of_run(folder))
         sys.stdout.write(f"{as_text(summary)}\n{folder}/: {written}\n")

@@ -7,6 +7,7 @@ import gc
 import signal
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -65,20 +66,22 @@ def _command(arguments: argparse.Namespace) -> int:
     node = cli.refusing(lambda: _node(arguments, entry.label, params, terminal))
     gc.collect()
     gc.freeze()  # later collections skip what is loaded by now: they would delay a scan
+    outputs: list[Callable[[], None]] = [node.close]
     try:
         node.start(ending)
         node.run(ending, lambda: terminal.show_status(node))
+        if node.drive.t:
+            outputs.append(lambda: write_results(folder, entry.label, node))
+            if arguments.save_state:
+                outputs.append(lambda: node.live.save(arguments.save_state))
     finally:
         terminal.end()
-        cli.refusing(node.close)
+        cli.refusing_each(outputs)
     if not node.drive.t:
         searched, reason = node.scans.counts["sought"], "ended before the first scan"
         if searched:
             reason = f"not localized in the map after {searched} scans ({node.live.candidates})"
         raise RuntimeError(f"{reason}; nothing is written")
-    cli.refusing(lambda: write_results(folder, entry.label, node))
-    if arguments.save_state:
-        cli.refusing(lambda: node.live.save(arguments.save_state))
     if not arguments.quiet:
         dropped = node.scans.counts["dropped"]
         delays = ", ".join(f"{name} {value} ms" for name, value in node.drive.delay_ms().items())
@@ -140,7 +143,10 @@ def write_results(folder: Path, label: str, node: Node) -> None:
 
 
 def _end_event() -> threading.Event:
-    """The event that Ctrl-C and SIGTERM set; a second Ctrl-C interrupts without results."""
+    """The event that Ctrl-C, SIGTERM and SIGHUP set; a second Ctrl-C interrupts without results.
+
+    An ignored SIGHUP stays ignored: nohup.
+    """
     ending = threading.Event()
 
     def end(*_: object) -> None:
@@ -148,6 +154,9 @@ def _end_event() -> threading.Event:
         ending.set()
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
+    hangup = getattr(signal, "SIGHUP", signal.SIGTERM)  # Windows has none
+    if signal.getsignal(hangup) != signal.SIG_IGN:
+        signal.signal(hangup, end)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, end)
     return ending

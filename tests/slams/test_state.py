@@ -240,6 +240,16 @@ def test_a_run_goes_on_where_another_stopped(tmp_path, capsys):
     assert "all its 30 scans are in the state already" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("failing", ["run.write_drive", "state.store.save_after"])
+def test_an_output_that_fails_leaves_the_other(failing, tmp_path, monkeypatch, capsys):
+    drive(n=3, lidar=laser(91)).save(tmp_path / "log.npz")
+    monkeypatch.setattr(f"slams.{failing}", lambda *_: (tmp_path / "no" / "x").touch())
+    words = ("odometry", tmp_path / "log.npz", "--out", tmp_path / "o", "--save-state")
+    assert command(*words, tmp_path / "s") == 2
+    assert (tmp_path / "s").exists() == (failing == "run.write_drive") != (tmp_path / "o").exists()
+    assert "no such file" in capsys.readouterr().err
+
+
 def test_every_other_scan_goes_on_in_step(tmp_path):
     log, state = tmp_path / "room.npz", tmp_path / "s"
     drive(n=20, lidar=laser(91)).save(log)
