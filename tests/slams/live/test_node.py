@@ -189,6 +189,27 @@ def test_a_frame_that_is_not_in_tf_is_waited_for(base, named, frames, monkeypatc
     assert stand.node.report()["base_frame"] == (base or "base_link")
 
 
+def test_tf_odometry_that_is_asked_for_is_waited_for(monkeypatch):
+    stand = mounted(monkeypatch, odometry="tf")
+    stand.scan(0.1)
+    sentence = "no odometry, a transform from odom to a frame that carries laser; frames: base_link"
+    assert sentence in waits(stand, monkeypatch)[-1]
+    stand.start(ending=Ending(100, lambda: stand.moved(0.1, (0.0, 0.0, 0.0))))
+    assert stand.node.report()["odometry"] == "tf"
+
+
+def test_tf_odometry_that_begins_late_is_told_and_leaves_no_second_parent(stand):
+    stand.start_and_drive(0.1)
+    assert len(stand.bus.sent("/tf")) == 1  # map -> base_link
+    stand.look()
+    stand.moved(0.2, (0.0, 0.0, 0.0))
+    stand.scan(0.2)
+    stand.drive()
+    stand.look()
+    assert len(stand.node.drive.t) == len(stand.bus.sent("/tf")) == 2  # that of the odometry
+    assert sum("began too late and is not used" in note for note in stand.notes) == 1
+
+
 def test_without_tf_the_laser_is_the_base(monkeypatch):
     stand = Stand(monkeypatch)
     stand.start_and_drive(0.0)
