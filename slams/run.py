@@ -13,7 +13,7 @@ from slams import cli
 from slams.formats import files
 from slams.formats.packed import name_of
 from slams.params import Params
-from slams.registry import Entry, find
+from slams.registry import Entry, find, label_of
 
 if TYPE_CHECKING:
     from slams.ros.ros_params import Taken
@@ -142,6 +142,12 @@ def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params, Taken | None]:
     return entry, params, ros
 
 
+def are_given(arguments: argparse.Namespace) -> bool:
+    """Whether the user gave parameters, be it with their default values."""
+    options = (arguments.sensor, arguments.ros_params, arguments.params, arguments.changes)
+    return any(options) or arguments.seed is not None
+
+
 def parameter_table(params: Params) -> str:
     """All parameters as YAML for `--params`, with unit, meaning, source and ROS names."""
     rows, specs = params.table(), params.specs()
@@ -261,7 +267,7 @@ def _slam_and_rest(
         return entry.cls(params), log, []
     from slams.state import store
 
-    state = store.resume(arguments.resume_state, entry, params)
+    state = store.resume(arguments.resume_state, entry, params, are_given(arguments))
     rest, first = store.rest_of(log, state.beside, arguments.every)
     notes = [f"continues at scan {first} of {len(log)}"] if first else []
     return state.slam, rest, notes
@@ -274,7 +280,8 @@ def _localizing(
     from slams.localize import source
 
     start, notes = given_start(arguments), list[str]()
-    ready = source.prepare(entry, params, source.open_map(arguments.localize, notes))
+    opened = source.open_map(arguments.localize, notes, label_of(entry.cls))
+    ready = source.prepare(entry, params, opened, are_given(arguments))
     used = log if not arguments.no_odometry else log.select(odometry=False)
     if start is not None:
         found = source.start_at(ready.map_index, used, start)

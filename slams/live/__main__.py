@@ -16,6 +16,7 @@ from slams.live.network import add_network_options, transport_of
 from slams.live.options import add_node_options, node_options
 from slams.run import (
     add_state_options,
+    are_given,
     check_results,
     chosen,
     files_of_run,
@@ -113,7 +114,8 @@ def _node(arguments: argparse.Namespace, label: str, params: Params, terminal: T
 
     options, start = node_options(arguments), given_start(arguments)
     transport = transport_of(arguments)
-    saved, given, values = arguments.resume_state, arguments.localize, params.as_dict()
+    saved, given = arguments.resume_state, arguments.localize
+    values = params.as_dict() if are_given(arguments) else {}
     live = LiveSlam(label, state=saved, map=given, map_start=start, **values)
     if arguments.save_state:
         live.check_saving(arguments.save_state)

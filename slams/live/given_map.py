@@ -12,6 +12,7 @@ from slams.localize.localizer import Localizer
 from slams.localize.map_index import Work
 from slams.localize.source import GivenMap, open_map, prepare, start_at
 from slams.params import Params as Parameters  # the class has a Params
+from slams.registry import label_of
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ class GivenMapSlam:
         start: approximate pose of the base at the first scan, x, y [m], theta [rad]; None:
             global localization.
         notes: receives a sentence with the pose at which the robot was localized.
+        are_given: whether the user gave parameters, which those of a state have to equal.
 
     Raises:
         OSError, TypeError, ValueError: as `open_map` and `prepare`.
@@ -47,9 +49,14 @@ class GivenMapSlam:
         given: str | Path | OccupancyGrid,
         start: Sequence[float] | None,
         notes: list[str],
+        are_given: bool = False,
     ) -> None:
-        opened = GivenMap(given) if isinstance(given, OccupancyGrid) else open_map(given, notes)
-        self._prepared, self._notes = prepare(entry, params, opened), notes
+        if not isinstance(given, OccupancyGrid):
+            opened = open_map(given, notes, label_of(entry.cls))
+        else:
+            opened = GivenMap(given)
+        self._prepared, self._notes = prepare(entry, params, opened, are_given), notes
+        self.params = getattr(self._prepared.slam, "params", params)
         self._start = None if start is None else Pose2(*map(float, start))
         if start is None:
             self._prepared.map_index.prepare(Work())

@@ -83,7 +83,7 @@ class LiveSlam:
         params = entry.params()
         if sensor is not None:
             params = params.for_sensor(sensor)
-        self.params = params = params.replace(**changes)
+        params = params.replace(**changes)
         self._mount = mount
         self._lock = threading.RLock()
         if map is not None and state is not None:
@@ -91,11 +91,14 @@ class LiveSlam:
         self.notes: list[str] = []
         if map is None and map_start is not None:
             raise ValueError("map_start: got a pose without a map; expected map, too")
-        given = None if map is None else GivenMapSlam(entry, params, map, map_start, self.notes)
+        are_given, given, saved = sensor is not None or bool(changes), None, None
+        if map is not None:
+            given = GivenMapSlam(entry, params, map, map_start, self.notes, are_given)
+        if state is not None:
+            saved = resume(state, entry, params, are_given)
         self.given = None if given is None else given.map()
-        saved = None if state is None else resume(state, entry, self.params)
         self._saved_at = None if saved is None else saved.beside.get("t")
-        self.params = getattr(saved and saved.slam, "params", self.params)
+        self.params = getattr(given or (saved and saved.slam), "params", params)
         if warm_up:
             warm_up_kernels(entry.cls, self.params)
         self._slam: Slam = given or (saved.slam if saved else entry.cls(self.params))

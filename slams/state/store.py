@@ -106,11 +106,15 @@ def load_state(path: str | Path, algorithm: str | None = None) -> Slam:
     return read_state(path, algorithm).slam
 
 
-def read_state(path: str | Path, algorithm: str | None = None) -> State:
-    """As `load_state`, with the label and the values saved beside the algorithm."""
+def read_state(path: str | Path, algorithm: str | None = None, own: str = "") -> State:
+    """As `load_state`, with the label and the values saved beside the algorithm.
+
+    `own` is the label of a "module:Class" that may be loaded, too, if no algorithm is required.
+    """
     path = Path(path)
     label, tree, arrays = _read(path)
-    if algorithm is None and (not isinstance(label, str) or ":" in label):  # code of a user
+    is_foreign = not isinstance(label, str) or (":" in label and label != own)
+    if algorithm is None and is_foreign:  # code of a user
         raise ValueError(f"{path}: the state of {label!r}; pass algorithm=... to load its code")
     cls = find(algorithm or label).cls
     if label_of(cls) != label:
@@ -164,23 +168,25 @@ def _sentence(error: Exception) -> str:
     return " ".join(text.split())[:200]
 
 
-def resume(path: str | Path, entry: Entry, params: Params) -> State:
-    """The state in a file, for a run with an algorithm and parameters.
+def resume(path: str | Path, entry: Entry, params: Params, are_given: bool = False) -> State:
+    """The state in a file, for a run with an algorithm and parameters, as `check_params`.
 
     Raises:
         OSError: the file cannot be opened.
         ValueError: no state of the algorithm, or one with other parameters.
     """
     state = read_state(path, entry.label)
-    check_params(path, state.slam, entry, params)
+    check_params(path, state.slam, params, are_given)
     return state
 
 
-def check_params(path: str | Path, slam: Slam, entry: Entry, params: Params) -> None:
-    """Refuse parameters, also of a preset, that a saved algorithm does not have: ValueError."""
+def check_params(path: str | Path, slam: Slam, params: Params, are_given: bool = False) -> None:
+    """Refuse parameters, also of a preset, that a saved algorithm does not have: ValueError.
+
+    The defaults mean those of the state, unless they `are_given` by the user.
+    """
     saved: Params = getattr(slam, "params", params)
-    is_default = entry.preset == "default" and params == entry.params()
-    if not is_default and params != saved:
+    if (are_given or params != type(params)()) and params != saved:
         name = next(n for n, value in saved.as_dict().items() if value != getattr(params, n))
         raise ValueError(
             f"{path}: saved with {name} {getattr(saved, name)}, got {getattr(params, name)}; "

@@ -238,6 +238,8 @@ def test_a_run_goes_on_where_another_stopped(tmp_path, capsys):
     assert summary["parameters"]["levels"] == 2
     assert command(*again) == 2
     assert "all its 30 scans are in the state already" in capsys.readouterr().err
+    assert command(*again, "--set", "levels=3") == 2  # the default, but given
+    assert "saved with levels 2, got 3" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("failing", ["run.write_drive", "state.store.save_after"])
