@@ -60,7 +60,8 @@ def save(slam: Slam, path: str | Path, beside: Mapping[str, Any] | None = None) 
     label, tree, arrays = _tree_of(slam, beside or {})
     kept, large = dict(arrays), {}
     for name, array in arrays.items():
-        if array.nbytes >= MIN_MAPPED_SIZE and array.flags.c_contiguous:
+        is_plain = array.flags.c_contiguous and array.dtype.names is None
+        if array.nbytes >= MIN_MAPPED_SIZE and is_plain:
             spans, data = nonzero_spans(array), array.reshape(-1).view(np.uint8)
             large[name] = [array.dtype.str, array.shape, spans]
             kept[name] = np.concatenate([data[:0], *(data[a:b] for a, b in spans)])
