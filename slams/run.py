@@ -267,7 +267,9 @@ def _slam_and_rest(
         return entry.cls(params), log, []
     from slams.state import store
 
-    state = store.resume(arguments.resume_state, entry, params, are_given(arguments))
+    path = arguments.resume_state
+    state = store.read_state(path, entry.label)
+    store.check_params(path, state.slam, params, are_given(arguments))
     rest, first = store.rest_of(log, state.beside, arguments.every)
     notes = [f"continues at scan {first} of {len(log)}"] if first else []
     return state.slam, rest, notes

@@ -122,8 +122,7 @@ class SensorBuffer:
     def is_moved_by_tf(self) -> bool:
         """Whether tf has the base in the odometry's frame, also if it began too late."""
         with self._changed:
-            base = self.base
-            return base is not None and any(self._moves_with(f, base) for f in self._tf_odometry)
+            return any(self._moves_with(child, self.base or "") for child in self._tf_odometry)
 
     def _put_tf(self, message: Any, static: bool) -> None:
         for edge, rows in self.tree.add(message, static).items():

@@ -81,10 +81,7 @@ class Diagnostics:
 
 
 class Terminal:
-    """Notes on stderr, and a status line if stderr is a terminal, unless the user wants quiet.
-
-    A terminal that was closed does not end the node.
-    """
+    """Notes on stderr, which may be closed, and on a terminal a status line, unless quiet."""
 
     def __init__(self, arguments: argparse.Namespace) -> None:
         self._arguments = arguments

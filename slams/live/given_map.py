@@ -28,12 +28,11 @@ class GivenMapSlam:
 
     Args:
         entry: the algorithm.
-        params: its parameters.
+        params: its parameters, which those of a state have to equal if they `are_given`.
         given: the map.
         start: approximate pose of the base at the first scan, x, y [m], theta [rad]; None:
             global localization.
         notes: receives a sentence with the pose at which the robot was localized.
-        are_given: whether the user gave parameters, which those of a state have to equal.
 
     Raises:
         OSError, TypeError, ValueError: as `open_map` and `prepare`.
@@ -46,15 +45,15 @@ class GivenMapSlam:
         self,
         entry: Entry,
         params: Parameters,
+        are_given: bool,
         given: str | Path | OccupancyGrid,
         start: Sequence[float] | None,
         notes: list[str],
-        are_given: bool = False,
     ) -> None:
-        if not isinstance(given, OccupancyGrid):
-            opened = open_map(given, notes, label_of(entry.cls))
-        else:
-            opened = GivenMap(given)
+        own = label_of(entry.cls)
+        opened = (
+            GivenMap(given) if isinstance(given, OccupancyGrid) else open_map(given, notes, own)
+        )
         self._prepared, self._notes = prepare(entry, params, opened, are_given), notes
         self.params = getattr(self._prepared.slam, "params", params)
         self._start = None if start is None else Pose2(*map(float, start))

@@ -203,16 +203,12 @@ class Node:
     def _waiting_message(self, first: ReceivedScan | None) -> str:
         """The message about a missing scan or transform, with the topics or frames that exist."""
         if first is not None:
-            base, laser = self.buffer.base or "a base", first.frame
-            missing = f"fixed transform from {base} to the laser's frame {laser}"
-            remedy = f"--base-frame {laser} takes it as the base"
+            laser, parent = first.frame, f"fixed transform from {self.buffer.base or 'a base'}"
+            remedy, known = f"--base-frame {laser} takes it as the base", self.buffer.frames
             if self.buffer.lacks_odometry:
-                odom = self.options.odom_frame
-                missing = f"odometry, a transform from {odom} to a frame that carries {laser}"
-                remedy = "--odom auto goes on without it"
-            return (
-                f"waiting for tf: no {missing}; frames: {shortened(self.buffer.frames)} ({remedy})"
-            )
+                parent, remedy = f"odometry from {self.options.odom_frame}", "or use --odom auto"
+            text = f"waiting for tf: no {parent} to the laser's frame {laser}"
+            return f"{text}; frames: {shortened(known)} ({remedy})"
         text = (
             f"waiting for scans on {', '.join(self._topics)}; topics with a publisher of "
             f"{SCAN_TYPE}: {shortened(self.transport.published(SCAN_TYPE))} "

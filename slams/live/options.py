@@ -12,7 +12,7 @@ from slams.params import MAX_LASERS
 from slams.ros import messages as ros
 from slams.validation import expect
 
-MAX_TIME = 3600.0  # s, of an option: a map in an hour is rare enough
+HOUR = 3600.0  # s, the most that an option may be: a map in an hour is rare enough
 DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 Callback = Callable[[ros.Record], None]
 
@@ -88,8 +88,7 @@ class NodeOptions:
         for option in fields(self):
             if option.type == "float":
                 value = getattr(self, option.name)
-                expected = f"0 to {MAX_TIME:g} s"
-                expect(0.0 <= value <= MAX_TIME, _flag(option), f"{value:g}", expected)
+                expect(0.0 <= value <= HOUR, _flag(option), f"{value:g}", f"0 to {HOUR:g} s")
         is_valid = len(set(self.scans)) == len(self.scans) <= MAX_LASERS
         expected = f"up to {MAX_LASERS} different topics"
         expect(is_valid, "--scan-topic", ", ".join(self.scans), expected)

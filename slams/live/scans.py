@@ -8,15 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+from slams.formats import sweep as sweeping
 from slams.formats.frames import without_slash
-from slams.formats.sweep import (
-    LaserMount,
-    Sweep,
-    has_directions,
-    range_limits,
-    resampled,
-    same_directions,
-)
+from slams.formats.sweep import LaserMount, Sweep, has_directions, resampled, same_directions
 from slams.ros.messages import READERS, SCAN_TYPE, Record, seconds, typestore
 from slams.types import Laser
 
@@ -110,10 +104,7 @@ class ScanQueue:
             return self._changed.wait_for(self._next, timeout)
 
     def laser(self, scan: ReceivedScan) -> Laser:
-        """The laser of a scan, the same object as long as its beams keep their directions.
-
-        A laser without a valid range limit is a new one when it reads farther than before.
-        """
+        """The laser of a scan, the same object until its directions or a guessed limit change."""
         sweeps, laser = self._lasers.get(scan.topic, ([], None))
         if sweeps and not same_directions(scan.sweep.geometry, sweeps[0].geometry):
             sweeps = []
@@ -124,7 +115,7 @@ class ScanQueue:
             sweeps = [*sweeps, scan.sweep, *later][:2]
             found = resampled(sweeps, self._mounts[scan.topic], self.notes).laser
             laser = laser if found == laser else found
-        _, reach = range_limits(sweeps[0].geometry, scan.sweep.ranges, [])
+        _, reach = sweeping.range_limits(sweeps[0].geometry, scan.sweep.ranges, [])
         if reach > laser.range_max:
             laser = replace(laser, range_max=reach)
         self._lasers[scan.topic] = sweeps, laser

@@ -21,17 +21,8 @@ from slams.live.given_map import GivenMapSlam
 from slams.live.warm_up import warm_up as warm_up_kernels
 from slams.registry import find
 from slams.ros.messages import READERS, SCAN_TYPE, seconds
-from slams.state.store import check_target, resume, save_after
-from slams.types import (
-    IDENTITY,
-    Attitude,
-    Corrected,
-    Floats,
-    OccupancyGrid,
-    Pose2,
-    Scan,
-    Slam,
-)
+from slams.state.store import check_params, check_target, read_state, save_after
+from slams.types import IDENTITY, Attitude, Corrected, Floats, OccupancyGrid, Pose2, Scan, Slam
 from slams.validation import MAX_SWEEP_TIME, check_laser, check_stamps, expect, is_plausible
 
 MAX_RESUME_GAP = 60.0  # s after a state's last scan; after more the odometry may have been reset
@@ -91,11 +82,11 @@ class LiveSlam:
         self.notes: list[str] = []
         if map is None and map_start is not None:
             raise ValueError("map_start: got a pose without a map; expected map, too")
-        are_given, given, saved = sensor is not None or bool(changes), None, None
-        if map is not None:
-            given = GivenMapSlam(entry, params, map, map_start, self.notes, are_given)
-        if state is not None:
-            saved = resume(state, entry, params, are_given)
+        checked = params, sensor is not None or bool(changes)
+        given = None if map is None else GivenMapSlam(entry, *checked, map, map_start, self.notes)
+        saved = None if state is None else read_state(state, entry.label)
+        if state is not None and saved is not None:
+            check_params(state, saved.slam, *checked)
         self.given = None if given is None else given.map()
         self._saved_at = None if saved is None else saved.beside.get("t")
         self.params = getattr(given or (saved and saved.slam), "params", params)
@@ -248,10 +239,7 @@ class LiveSlam:
         )
 
     def _previous_if_not_newer(self, scan: Scan) -> Estimate | None:
-        """The last estimate if the scan is late or repeated; after many the clock was set back.
-
-        At the stamp of the last scan another laser's scan, told by its mount, is not repeated.
-        """
+        """The last estimate if the scan is late, or repeated by a laser; None if it is new."""
         t, mount = scan.t, (scan.laser.mount, scan.laser.mount_z)
         others = self._mounts if self.last is not None and t == self.last.t else []
         if self.last is not None and (t < self.last.t or mount in others):

@@ -26,7 +26,6 @@ from slams.state.tree import Reader, Writer
 
 if TYPE_CHECKING:
     from slams.params import Params
-    from slams.registry import Entry
     from slams.scanlog import ScanLog
     from slams.types import Ranges, Slam
 
@@ -60,8 +59,7 @@ def save(slam: Slam, path: str | Path, beside: Mapping[str, Any] | None = None) 
     label, tree, arrays = _tree_of(slam, beside or {})
     kept, large = dict(arrays), {}
     for name, array in arrays.items():
-        is_plain = array.flags.c_contiguous and array.dtype.names is None
-        if array.nbytes >= MIN_MAPPED_SIZE and is_plain:
+        if array.nbytes >= MIN_MAPPED_SIZE and array.flags.c_contiguous and not array.dtype.names:
             spans, data = nonzero_spans(array), array.reshape(-1).view(np.uint8)
             large[name] = [array.dtype.str, array.shape, spans]
             kept[name] = np.concatenate([data[:0], *(data[a:b] for a, b in spans)])
@@ -108,10 +106,7 @@ def load_state(path: str | Path, algorithm: str | None = None) -> Slam:
 
 
 def read_state(path: str | Path, algorithm: str | None = None, own: str = "") -> State:
-    """As `load_state`, with the label and the values saved beside the algorithm.
-
-    `own` is the label of a "module:Class" that may be loaded, too, if no algorithm is required.
-    """
+    """As `load_state`, with the values saved beside; `own`: a "module:Class" that may be loaded."""
     path = Path(path)
     label, tree, arrays = _read(path)
     is_foreign = not isinstance(label, str) or (":" in label and label != own)
@@ -169,23 +164,8 @@ def _sentence(error: Exception) -> str:
     return " ".join(text.split())[:200]
 
 
-def resume(path: str | Path, entry: Entry, params: Params, are_given: bool = False) -> State:
-    """The state in a file, for a run with an algorithm and parameters, as `check_params`.
-
-    Raises:
-        OSError: the file cannot be opened.
-        ValueError: no state of the algorithm, or one with other parameters.
-    """
-    state = read_state(path, entry.label)
-    check_params(path, state.slam, params, are_given)
-    return state
-
-
 def check_params(path: str | Path, slam: Slam, params: Params, are_given: bool = False) -> None:
-    """Refuse parameters, also of a preset, that a saved algorithm does not have: ValueError.
-
-    The defaults mean those of the state, unless they `are_given` by the user.
-    """
+    """Refuse what a saved algorithm lacks, of defaults only if they `are_given`: ValueError."""
     saved: Params = getattr(slam, "params", params)
     if (are_given or params != type(params)()) and params != saved:
         name = next(n for n, value in saved.as_dict().items() if value != getattr(params, n))

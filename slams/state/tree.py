@@ -92,18 +92,16 @@ class Writer:
     def _nodes(self, objects: Any, name: str) -> list[Any]:
         return [self.node(obj, f"{name}[{i}]") for i, obj in enumerate(objects)]
 
-    def _check_memory(self, array: NDArray[Any], name: str) -> None:
+    def _check_memory(self, one: NDArray[Any], name: str) -> None:
         """Refuse views of one memory of which one can be written: loaded, they were separate."""
-        owner = array
+        owner = one
         while isinstance(owner.base, np.ndarray):
             owner = owner.base
         views = self._views.setdefault(id(owner), [])
         for other in views:
-            is_constant = not (array.flags.writeable or other.flags.writeable)
-            if not is_constant and np.may_share_memory(array, other):
-                known = self._names[id(other)][0]
-                raise TypeError(f"{name} is a view of {known}; expected an array of its own")
-        views.append(array)
+            if np.may_share_memory(one, other) and (one.flags.writeable or other.flags.writeable):
+                raise TypeError(f"{name} is a view of {self._names[id(other)][0]}; copy it")
+        views.append(one)
 
     def _check_class(self, kind: type[Any], name: str) -> None:
         builtin = [base for base in kind.__mro__[:-1] if base.__module__ == "builtins"]

@@ -209,7 +209,7 @@ def test_an_output_that_fails_leaves_the_others(failing, monkeypatch, tmp_path, 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(command, "transport_of", lambda *_: stand.bus.transport())
     monkeypatch.setattr(command, "_end_event", lambda: Ending(9, lambda: stand.scan(0.0)))
-    replaced = {"bag.mcap": "formats.mcap.McapFile.write", "map.png": "live.__main__.write_drive"}
+    replaced = {"bag.mcap": "formats.mcap.McapFile.write", "map.png": "run.write_drive"}
     monkeypatch.setattr(f"slams.{replaced.get(failing, 'live.slam.save_after')}", fail)
     words = ["odometry", "-q", "--out", ".", "--record", "bag.mcap", "--save-state", "state"]
     assert command.main(words) == 2

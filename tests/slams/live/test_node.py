@@ -192,7 +192,7 @@ def test_a_frame_that_is_not_in_tf_is_waited_for(base, named, frames, monkeypatc
 def test_tf_odometry_that_is_asked_for_is_waited_for(monkeypatch):
     stand = mounted(monkeypatch, odometry="tf")
     stand.scan(0.1)
-    sentence = "no odometry, a transform from odom to a frame that carries laser; frames: base_link"
+    sentence = "no odometry from odom to the laser's frame laser; frames: base_link"
     assert sentence in waits(stand, monkeypatch)[-1]
     stand.start(ending=Ending(100, lambda: stand.moved(0.1, (0.0, 0.0, 0.0))))
     assert stand.node.report()["odometry"] == "tf"
