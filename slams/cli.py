@@ -56,6 +56,21 @@ def refusing(work: Callable[[], T]) -> T:
         raise RefusedError(sentence(error)) from error
 
 
+def refusing_each(steps: Iterable[Callable[[], object]]) -> None:
+    """Do every step, whatever the others raise; then raise their `RefusedError`s as one."""
+    failures: list[Exception] = []
+    for step in steps:
+        try:
+            refusing(step)
+        except Exception as error:
+            failures.append(error)
+    for failure in failures:
+        if not isinstance(failure, RefusedError):
+            raise failure
+    if failures:
+        raise RefusedError("; ".join(map(str, failures))) from failures[0]
+
+
 def sentence(error: BaseException) -> str:
     """The message of an exception in one line."""
     if isinstance(error, OSError) and error.filename is not None and error.strerror:

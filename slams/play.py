@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from slams.live.transport import Transport
     from slams.scanlog import ScanLog
 
+MIN_RATE = 0.01  # a log of years still fits the clock's waiting time
+
 
 def parser() -> argparse.ArgumentParser:
     """The command's arguments."""
@@ -66,7 +68,7 @@ def _log(arguments: argparse.Namespace) -> ScanLog:
 
     wait, rate = arguments.wait_for_subscriber, arguments.rate
     expect(0.0 <= wait < math.inf, "--wait-for-subscriber", f"{wait:g}", "0 s or more")
-    expect(0.0 < rate < math.inf, "--rate", f"{rate:g}", "a number greater than 0")
+    expect(MIN_RATE <= rate < math.inf, "--rate", f"{rate:g}", f"{MIN_RATE:g} or more")
     log = load(arguments.log, cli.log_options(arguments)).of_one_laser()
     return log.select(arguments.limit, 1, not arguments.no_odometry)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from slams import cli
 from slams.formats import files
 from slams.formats.packed import name_of
 from slams.params import Params
-from slams.registry import Entry, find
+from slams.registry import Entry, find, label_of
 
 if TYPE_CHECKING:
     from slams.ros.ros_params import Taken
@@ -95,18 +96,20 @@ def _command(arguments: argparse.Namespace) -> int:
     params = getattr(slam, "params", params)
     start_up_s = warm_up(entry.cls, params, log.select(WARM_UP_SCANS))
     run = replay(slam, cli.progress(log, len(log), entry.label, arguments.quiet))
-    if arguments.save_state:
-        from slams.state.store import save_after
-
-        state, last = arguments.save_state, float(log.t[-1])
-        cli.refusing(lambda: save_after(slam, state, last, log.ranges[-1]))
     summary = summarize(run, log, entry.label, params, start_up_s)
     if ros is not None:
         from slams.ros import ros_params
 
         summary["ros_params"] = ros_params.record(ros)
     path, bag = (run.t, run.poses, run.corrected), log if arguments.mcap else None
-    cli.refusing(lambda: write_drive(folder, slam.map(), path, summary, bag))
+    outputs: list[Callable[[], None]] = []
+    outputs.append(lambda: write_drive(folder, slam.map(), path, summary, bag))
+    if arguments.save_state:
+        from slams.state.store import save_after
+
+        state, last = arguments.save_state, float(log.t[-1])
+        outputs.append(lambda: save_after(slam, state, last, log.ranges[-1]))
+    cli.refusing_each(outputs)
     if not arguments.quiet:
         written = ", ".join(files_of_run(folder))
         sys.stdout.write(f"{as_text(summary)}\n{folder}/: {written}\n")
@@ -137,6 +140,12 @@ def chosen(arguments: argparse.Namespace) -> tuple[Entry, Params, Taken | None]:
     if arguments.seed is not None:
         params = params.replace(seed=arguments.seed)
     return entry, params, ros
+
+
+def are_given(arguments: argparse.Namespace) -> bool:
+    """Whether the user gave parameters, be it with their default values."""
+    options = (arguments.sensor, arguments.ros_params, arguments.params, arguments.changes)
+    return any(options) or arguments.seed is not None
 
 
 def parameter_table(params: Params) -> str:
@@ -258,7 +267,9 @@ def _slam_and_rest(
         return entry.cls(params), log, []
     from slams.state import store
 
-    state = store.resume(arguments.resume_state, entry, params)
+    path = arguments.resume_state
+    state = store.read_state(path, entry.label)
+    store.check_params(path, state.slam, params, are_given(arguments))
     rest, first = store.rest_of(log, state.beside, arguments.every)
     notes = [f"continues at scan {first} of {len(log)}"] if first else []
     return state.slam, rest, notes
@@ -271,7 +282,8 @@ def _localizing(
     from slams.localize import source
 
     start, notes = given_start(arguments), list[str]()
-    ready = source.prepare(entry, params, source.open_map(arguments.localize, notes))
+    opened = source.open_map(arguments.localize, notes, label_of(entry.cls))
+    ready = source.prepare(entry, params, opened, are_given(arguments))
     used = log if not arguments.no_odometry else log.select(odometry=False)
     if start is not None:
         found = source.start_at(ready.map_index, used, start)

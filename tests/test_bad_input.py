@@ -149,7 +149,8 @@ simulate s.npz --size 8 --picture map.pgm | ends in .png
 simulate nowhere/s.npz --size 8 | no such folder
 live hectro | did you mean 'hector'
 live odometry --domain-id 233 | domain: got 233, expected 0 to 232
-live odometry --map-every -1 | --map-every: got -1, expected 0 s or
+live odometry --map-every -1 | --map-every: got -1, expected 0 to 3600 s
+live odometry --tf-ahead 1e10 | --tf-ahead: got 1e+10, expected 0 to 3600 s
 live odometry --record a.bag | expected a name that ends in .mcap
 live odometry --record full/room.mcap | full/room.mcap: exists; --force replaces it
 live odometry --save-state hector.state | hector.state: exists
@@ -157,7 +158,7 @@ live odometry --out . | .: exists
 live hector --map m --map-every 9 | --map-every: got --localize
 play nothing.npz | nothing.npz: no such file
 play room.npz --no-odometry --odom none | --no-odometry: got --odom
-play room.npz --rate 0 | --rate: got 0
+play room.npz --rate 1e-300 | --rate: got 1e-300, expected 0.01 or more
 play room.npz --wait-for-subscriber nan | got nan, expected 0 s or more
 play room.npz --remap scan | --remap: got 'scan', expected /FROM:=/TO
 play room.npz --remap /a:=/b | --remap: no topic /a

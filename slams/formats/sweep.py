@@ -87,7 +87,7 @@ def resampled(sweeps: Sequence[Sweep], mount: LaserMount, notes: list[str]) -> L
             f"common {geometry.n_beams}"
         )
     t = np.array([sweep.t for sweep in sweeps])
-    range_min, range_max = _limits(geometry, rows, notes)
+    range_min, range_max = range_limits(geometry, rows, notes)
     sign = -1.0 if mount.flipped else 1.0
     laser = replace(
         geometry,
@@ -139,7 +139,7 @@ def _readings_at(sweep: Sweep, target: Laser) -> Ranges:
     return row
 
 
-def _limits(geometry: Laser, rows: Ranges, notes: list[str]) -> tuple[float, float]:
+def range_limits(geometry: Laser, rows: Ranges, notes: list[str]) -> tuple[float, float]:
     """The driver's range limits, or limits from the readings if those are not valid."""
     low, high = geometry.range_min, geometry.range_max
     if not 0.0 <= low < MAX_LASER_RANGE:

@@ -7,21 +7,13 @@ import gc
 import signal
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from slams import cli
+from slams import cli, run
 from slams.live.network import add_network_options, transport_of
 from slams.live.options import add_node_options, node_options
-from slams.run import (
-    add_state_options,
-    check_results,
-    chosen,
-    files_of_run,
-    given_start,
-    parameter_table,
-    write_drive,
-)
 
 if TYPE_CHECKING:
     from slams.live.diagnostics import Terminal
@@ -47,16 +39,16 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--force", action="store_true", help="replace files that exist")
     p.add_argument("--record", metavar="FILE.mcap", help="record all messages in and out to a bag")
     p.add_argument("-q", "--quiet", action="store_true", help="print no notes and no status line")
-    add_state_options(p)
+    run.add_state_options(p)
     add_node_options(p)
     add_network_options(p)
     return p
 
 
 def _command(arguments: argparse.Namespace) -> int:
-    entry, params, _ = cli.refusing(lambda: chosen(arguments))
+    entry, params, _ = cli.refusing(lambda: run.chosen(arguments))
     if arguments.show_params:
-        sys.stdout.write(parameter_table(params))
+        sys.stdout.write(run.parameter_table(params))
         return 0
     from slams.live.diagnostics import Terminal
 
@@ -65,26 +57,28 @@ def _command(arguments: argparse.Namespace) -> int:
     node = cli.refusing(lambda: _node(arguments, entry.label, params, terminal))
     gc.collect()
     gc.freeze()  # later collections skip what is loaded by now: they would delay a scan
+    outputs: list[Callable[[], None]] = [node.close]
     try:
         node.start(ending)
         node.run(ending, lambda: terminal.show_status(node))
+        if node.drive.t:
+            outputs.append(lambda: write_results(folder, entry.label, node))
+            if arguments.save_state:
+                outputs.append(lambda: node.live.save(arguments.save_state))
     finally:
         terminal.end()
-        cli.refusing(node.close)
+        cli.refusing_each(outputs)
     if not node.drive.t:
         searched, reason = node.scans.counts["sought"], "ended before the first scan"
         if searched:
             reason = f"not localized in the map after {searched} scans ({node.live.candidates})"
         raise RuntimeError(f"{reason}; nothing is written")
-    cli.refusing(lambda: write_results(folder, entry.label, node))
-    if arguments.save_state:
-        cli.refusing(lambda: node.live.save(arguments.save_state))
     if not arguments.quiet:
         dropped = node.scans.counts["dropped"]
         delays = ", ".join(f"{name} {value} ms" for name, value in node.drive.delay_ms().items())
         sys.stdout.write(
             f"{len(node.drive.t)} scans, {dropped} left out; "
-            f"from scan to pose: {delays}\n{folder}/: {', '.join(files_of_run(folder))}\n"
+            f"from scan to pose: {delays}\n{folder}/: {', '.join(run.files_of_run(folder))}\n"
         )
     return 0
 
@@ -96,7 +90,7 @@ def _folder(label: str, arguments: argparse.Namespace) -> Path:
     folder = Path(arguments.out or f"results/live-{label.replace(':', '.')}")
     if arguments.out is None and not arguments.force:
         folder = files.unused(folder)
-    check_results(folder, arguments)
+    run.check_results(folder, arguments)
     if arguments.record is not None:
         files.check_new_file(arguments.record, arguments.force, ".mcap")
     return folder
@@ -108,9 +102,10 @@ def _node(arguments: argparse.Namespace, label: str, params: Params, terminal: T
     from slams.live.recorder import Recorder
     from slams.live.slam import LiveSlam
 
-    options, start = node_options(arguments), given_start(arguments)
+    options, start = node_options(arguments), run.given_start(arguments)
     transport = transport_of(arguments)
-    saved, given, values = arguments.resume_state, arguments.localize, params.as_dict()
+    saved, given = arguments.resume_state, arguments.localize
+    values = params.as_dict() if run.are_given(arguments) else {}
     live = LiveSlam(label, state=saved, map=given, map_start=start, **values)
     if arguments.save_state:
         live.check_saving(arguments.save_state)
@@ -136,11 +131,11 @@ def write_results(folder: Path, label: str, node: Node) -> None:
         "node": node.report(),
     }
     poses = np.array(drive.poses, np.float64).reshape(-1, 3)
-    write_drive(folder, live.map(), (np.array(drive.t), poses, live.corrected()), summary)
+    run.write_drive(folder, live.map(), (np.array(drive.t), poses, live.corrected()), summary)
 
 
 def _end_event() -> threading.Event:
-    """The event that Ctrl-C and SIGTERM set; a second Ctrl-C interrupts without results."""
+    """The event that Ctrl-C, SIGTERM and SIGHUP set; a second Ctrl-C interrupts without results."""
     ending = threading.Event()
 
     def end(*_: object) -> None:
@@ -148,8 +143,10 @@ def _end_event() -> threading.Event:
         ending.set()
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, end)
+    hangup = getattr(signal, "SIGHUP", signal.SIGTERM)  # Windows has none
+    for number in (signal.SIGINT, signal.SIGTERM, hangup):
+        if number != hangup or signal.getsignal(hangup) != signal.SIG_IGN:  # as nohup sets it
+            signal.signal(number, end)
     return ending
 
 

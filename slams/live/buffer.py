@@ -38,6 +38,7 @@ class SensorBuffer:
         self.tree, self.unreadable = Transforms(), 0
         self.notes: list[str] = []
         self.source: str | None = None  # of the odometry, "tf" or "topic", once chosen
+        self.lacks_odometry = False  # whether it has to come from tf, which has none
         self._odom, self._odometry_choice = without_slash(odom), odometry
         self._odometry: PoseSeries | None = None
         self._topic_odometry = PoseSeries()
@@ -77,7 +78,8 @@ class SensorBuffer:
             source, moving, series = self._select_odometry(laser)
             base = self.base or self.tree.base_of(laser, moving)
             matrix = self.tree.fixed_transform(base, laser)
-            if base is None or matrix is None:
+            self.lacks_odometry = source is None and self._odometry_choice == "tf"
+            if base is None or matrix is None or (self.lacks_odometry and not self._is_configured):
                 return None
             self.base = base
             if not self._is_configured:
@@ -109,6 +111,18 @@ class SensorBuffer:
     def has_odometry(self) -> bool:
         """Whether any odometry was received."""
         return self._odometry is not None and bool(self._odometry.t)
+
+    @property
+    def frames(self) -> list[str]:
+        """Names of all frames in tf."""
+        with self._changed:
+            return self.tree.frames
+
+    @property
+    def is_moved_by_tf(self) -> bool:
+        """Whether tf has the base in the odometry's frame, also if it began too late."""
+        with self._changed:
+            return any(self._moves_with(child, self.base or "") for child in self._tf_odometry)
 
     def _put_tf(self, message: Any, static: bool) -> None:
         for edge, rows in self.tree.add(message, static).items():

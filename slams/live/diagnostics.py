@@ -7,6 +7,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from slams import cli
@@ -80,7 +81,7 @@ class Diagnostics:
 
 
 class Terminal:
-    """Notes on stderr, and a status line if stderr is a terminal, unless the user wants quiet."""
+    """Notes on stderr, which may be closed, and on a terminal a status line, unless quiet."""
 
     def __init__(self, arguments: argparse.Namespace) -> None:
         self._arguments = arguments
@@ -88,9 +89,9 @@ class Terminal:
 
     def notify(self, sentence: str) -> None:
         """Show a sentence."""
-        if self._line:
-            sys.stderr.write(CLEAR_LINE)
-        cli.show_notes(self._arguments, [sentence])
+        with suppress(OSError):
+            sys.stderr.write(CLEAR_LINE if self._line else "")
+            cli.show_notes(self._arguments, [sentence])
 
     def show_status(self, node: Node) -> None:
         """Show the number of scans, the pose and the state."""
@@ -105,10 +106,11 @@ class Terminal:
                 f"x {x:.2f} y {y:.2f} m, {math.degrees(theta):.0f} deg; "
                 f"{estimate.state} {estimate.quality:.2f}{explained}"
             )
-        sys.stderr.write(f"{CLEAR_LINE}{text}")
-        sys.stderr.flush()
+        with suppress(OSError):
+            sys.stderr.write(f"{CLEAR_LINE}{text}")
+            sys.stderr.flush()
 
     def end(self) -> None:
         """Finish the status line."""
-        if self._line:
-            sys.stderr.write("\n")
+        with suppress(OSError):
+            sys.stderr.write("\n" if self._line else "")

@@ -12,6 +12,7 @@ from slams.localize.localizer import Localizer
 from slams.localize.map_index import Work
 from slams.localize.source import GivenMap, open_map, prepare, start_at
 from slams.params import Params as Parameters  # the class has a Params
+from slams.registry import label_of
 from slams.types import IDENTITY, OccupancyGrid, Pose2, Scan
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ class GivenMapSlam:
 
     Args:
         entry: the algorithm.
-        params: its parameters.
+        params: its parameters, which those of a state have to equal if they `are_given`.
         given: the map.
         start: approximate pose of the base at the first scan, x, y [m], theta [rad]; None:
             global localization.
@@ -44,12 +45,17 @@ class GivenMapSlam:
         self,
         entry: Entry,
         params: Parameters,
+        are_given: bool,
         given: str | Path | OccupancyGrid,
         start: Sequence[float] | None,
         notes: list[str],
     ) -> None:
-        opened = GivenMap(given) if isinstance(given, OccupancyGrid) else open_map(given, notes)
-        self._prepared, self._notes = prepare(entry, params, opened), notes
+        own = label_of(entry.cls)
+        opened = (
+            GivenMap(given) if isinstance(given, OccupancyGrid) else open_map(given, notes, own)
+        )
+        self._prepared, self._notes = prepare(entry, params, opened, are_given), notes
+        self.params = getattr(self._prepared.slam, "params", params)
         self._start = None if start is None else Pose2(*map(float, start))
         if start is None:
             self._prepared.map_index.prepare(Work())

@@ -157,6 +157,9 @@ class Node:
             searched, candidates = self.scans.counts["sought"], self.live.candidates
             text = f"scans so far, not localized in the map yet ({candidates}); drive on"
             diagnostics.count("sought", searched, text)
+        is_unused = self.options.odometry != "topic" and self.buffer.source != "tf"
+        if is_unused and self.buffer.is_moved_by_tf:
+            diagnostics.note("odometry in tf began too late and is not used: start the node again")
         for note in (*self._map_failures, *self.live.notes, *self.buffer.notes, *self.scans.notes):
             diagnostics.note(note)
 
@@ -200,12 +203,12 @@ class Node:
     def _waiting_message(self, first: ReceivedScan | None) -> str:
         """The message about a missing scan or transform, with the topics or frames that exist."""
         if first is not None:
-            base, laser = self.buffer.base or "a base", first.frame
-            return (
-                f"waiting for tf: no fixed transform from {base} to the laser's frame {laser}; "
-                f"frames: {shortened(self.buffer.tree.frames)} (--base-frame {laser} takes it as "
-                "the base)"
-            )
+            laser, parent = first.frame, f"fixed transform from {self.buffer.base or 'a base'}"
+            remedy, known = f"--base-frame {laser} takes it as the base", self.buffer.frames
+            if self.buffer.lacks_odometry:
+                parent, remedy = f"odometry from {self.options.odom_frame}", "or use --odom auto"
+            text = f"waiting for tf: no {parent} to the laser's frame {laser}"
+            return f"{text}; frames: {shortened(known)} ({remedy})"
         text = (
             f"waiting for scans on {', '.join(self._topics)}; topics with a publisher of "
             f"{SCAN_TYPE}: {shortened(self.transport.published(SCAN_TYPE))} "
@@ -218,8 +221,9 @@ class Node:
         waited, buffer = time.monotonic() - first.received, self.buffer
         if waited >= TF_SETTLING_TIME and self.scans.has_mount(first.topic):
             return True
-        frames = buffer.tree.frames
-        if waited > MAX_TF_WAIT and buffer.base is None and (not frames or first.frame in frames):
+        frames = buffer.frames
+        is_free = buffer.base is None and self.options.odometry != "tf"
+        if waited > MAX_TF_WAIT and is_free and (not frames or first.frame in frames):
             buffer.base = first.frame
             self._notify(
                 f"no transform to the laser's frame {first.frame}: it is taken as the base (if tf "
@@ -262,5 +266,5 @@ class Node:
         """The child frame and transform below the map: of the odometry, or else of the base."""
         if odometry is not None:
             return self.options.odom_frame, pose @ odometry.inverse()
-        base = self.buffer.base
-        return None if self.buffer.has_odometry or base is None else (base, pose)
+        base, has_parent = self.buffer.base, self.buffer.has_odometry or self.buffer.is_moved_by_tf
+        return None if has_parent or base is None else (base, pose)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields
 from enum import Enum
@@ -13,6 +12,7 @@ from slams.params import MAX_LASERS
 from slams.ros import messages as ros
 from slams.validation import expect
 
+HOUR = 3600.0  # s, the most that an option may be: a map in an hour is rare enough
 DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 Callback = Callable[[ros.Record], None]
 
@@ -88,7 +88,7 @@ class NodeOptions:
         for option in fields(self):
             if option.type == "float":
                 value = getattr(self, option.name)
-                expect(0.0 <= value < math.inf, _flag(option), f"{value:g}", "0 s or more")
+                expect(0.0 <= value <= HOUR, _flag(option), f"{value:g}", f"0 to {HOUR:g} s")
         is_valid = len(set(self.scans)) == len(self.scans) <= MAX_LASERS
         expected = f"up to {MAX_LASERS} different topics"
         expect(is_valid, "--scan-topic", ", ".join(self.scans), expected)

@@ -35,10 +35,7 @@ class NodePublisher:
     """
 
     def __init__(
-        self,
-        transport: Transport,
-        options: NodeOptions,
-        record: Callable[[str, int, bytes], None],
+        self, transport: Transport, options: NodeOptions, record: Callable[[str, int, bytes], None]
     ) -> None:
         self._options, self._record, self._make = options, record, Maker()
         self.unsent = 0
@@ -66,13 +63,11 @@ class NodePublisher:
         values |= {"seconds_lost": f"{estimate.seconds_lost:.3f}"}
         values |= {name: str(count) for name, count in counts.items()}
         level = STATES.index(estimate.state)
-        message = self._make.status(stamp, level, estimate.state, values)
-        self._send("/slam/state", message)
+        self._send("/slam/state", self._make.status(stamp, level, estimate.state, values))
 
     def publish_map(self, stamp: int, grid: OccupancyGrid) -> None:
         """Publish the map."""
-        message = self._make.grid(stamp, grid, self._options.map_frame)
-        self._send("/map", message)
+        self._send("/map", self._make.grid(stamp, grid, self._options.map_frame))
 
     def publish_path(self, stamps: Sequence[int], poses: Floats) -> None:
         """Publish the path, stamps (n,) [ns] and poses (n, 3), thinned to `PATH_SPACING`."""

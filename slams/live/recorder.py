@@ -39,7 +39,10 @@ class Recorder:
             OSError: a message could not be written; then there is no file.
         """
         self._thread.shutdown()
-        self._file.close(keep and self._failure is None)
+        try:
+            self._file.close(keep and self._failure is None)
+        except Exception as error:
+            self._failure = error
         if keep and self._failure is not None:
             raise OSError(f"{self._file.path}: not recorded: {self._failure}") from self._failure
 

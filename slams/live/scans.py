@@ -5,8 +5,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
+from slams.formats import sweep as sweeping
 from slams.formats.frames import without_slash
 from slams.formats.sweep import LaserMount, Sweep, has_directions, resampled, same_directions
 from slams.ros.messages import READERS, SCAN_TYPE, Record, seconds, typestore
@@ -102,14 +104,20 @@ class ScanQueue:
             return self._changed.wait_for(self._next, timeout)
 
     def laser(self, scan: ReceivedScan) -> Laser:
-        """The laser of a scan, the same object as long as its beams keep their directions."""
+        """The laser of a scan, the same object until its directions or a guessed limit change."""
         sweeps, laser = self._lasers.get(scan.topic, ([], None))
         if sweeps and not same_directions(scan.sweep.geometry, sweeps[0].geometry):
             sweeps = []
-        if laser is None or len(sweeps) < 2:  # from the second sweep on the scan interval is known
-            sweeps = [*sweeps, scan.sweep]
+        if laser is None or len(sweeps) < 2:  # two sweeps give the scan interval
+            with self._changed:
+                queued = [one.sweep for one in self._waiting if one.topic == scan.topic]
+            later = [one for one in queued if same_directions(one.geometry, scan.sweep.geometry)]
+            sweeps = [*sweeps, scan.sweep, *later][:2]
             found = resampled(sweeps, self._mounts[scan.topic], self.notes).laser
             laser = laser if found == laser else found
+        _, reach = sweeping.range_limits(sweeps[0].geometry, scan.sweep.ranges, [])
+        if reach > laser.range_max:
+            laser = replace(laser, range_max=reach)
         self._lasers[scan.topic] = sweeps, laser
         return laser
 

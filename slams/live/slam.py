@@ -21,17 +21,8 @@ from slams.live.given_map import GivenMapSlam
 from slams.live.warm_up import warm_up as warm_up_kernels
 from slams.registry import find
 from slams.ros.messages import READERS, SCAN_TYPE, seconds
-from slams.state.store import check_target, resume, save_after
-from slams.types import (
-    IDENTITY,
-    Attitude,
-    Corrected,
-    Floats,
-    OccupancyGrid,
-    Pose2,
-    Scan,
-    Slam,
-)
+from slams.state.store import check_params, check_target, read_state, save_after
+from slams.types import IDENTITY, Attitude, Corrected, Floats, OccupancyGrid, Pose2, Scan, Slam
 from slams.validation import MAX_SWEEP_TIME, check_laser, check_stamps, expect, is_plausible
 
 MAX_RESUME_GAP = 60.0  # s after a state's last scan; after more the odometry may have been reset
@@ -83,7 +74,7 @@ class LiveSlam:
         params = entry.params()
         if sensor is not None:
             params = params.for_sensor(sensor)
-        self.params = params = params.replace(**changes)
+        params = params.replace(**changes)
         self._mount = mount
         self._lock = threading.RLock()
         if map is not None and state is not None:
@@ -91,16 +82,20 @@ class LiveSlam:
         self.notes: list[str] = []
         if map is None and map_start is not None:
             raise ValueError("map_start: got a pose without a map; expected map, too")
-        given = None if map is None else GivenMapSlam(entry, params, map, map_start, self.notes)
+        checked = params, sensor is not None or bool(changes)
+        given = None if map is None else GivenMapSlam(entry, *checked, map, map_start, self.notes)
+        saved = None if state is None else read_state(state, entry.label)
+        if state is not None and saved is not None:
+            check_params(state, saved.slam, *checked)
         self.given = None if given is None else given.map()
-        saved = None if state is None else resume(state, entry, self.params)
         self._saved_at = None if saved is None else saved.beside.get("t")
-        self.params = getattr(saved and saved.slam, "params", self.params)
+        self.params = getattr(given or (saved and saved.slam), "params", params)
         if warm_up:
             warm_up_kernels(entry.cls, self.params)
         self._slam: Slam = given or (saved.slam if saved else entry.cls(self.params))
         self.last: Estimate | None = None
         self._scan: Scan | None = None
+        self._mounts: list[tuple[Pose2, float]] = []  # of the lasers that scanned at its stamp
         self._matched_at, self._n_late = -math.inf, 0
         self._counts = dict.fromkeys(PUSH_COUNTERS, 0)
 
@@ -160,7 +155,7 @@ class LiveSlam:
         scan = replace(scan, ranges=rep117(scan.ranges, scan.laser))
         with self._lock:
             scan = self._validated(scan)
-            previous = self._previous_if_not_newer(scan.t)
+            previous = self._previous_if_not_newer(scan)
             if previous is not None:
                 return previous
             self._counts["scans"] += 1
@@ -243,9 +238,11 @@ class LiveSlam:
             mid_yaw=mid_yaw,
         )
 
-    def _previous_if_not_newer(self, t: float) -> Estimate | None:
-        """The last estimate if t is not newer; after many such stamps the clock was set back."""
-        if self.last is not None and t <= self.last.t:
+    def _previous_if_not_newer(self, scan: Scan) -> Estimate | None:
+        """The last estimate if the scan is late, or repeated by a laser; None if it is new."""
+        t, mount = scan.t, (scan.laser.mount, scan.laser.mount_z)
+        others = self._mounts if self.last is not None and t == self.last.t else []
+        if self.last is not None and (t < self.last.t or mount in others):
             self._counts["repeated" if t == self.last.t else "late"] += 1
             self._n_late += t < self.last.t
             if self._n_late <= MAX_CONSECUTIVE_LATE:
@@ -253,7 +250,7 @@ class LiveSlam:
                 return self.last
             self._counts["clock_set_back"] += 1
             self._matched_at = t
-        self._n_late = 0
+        self._n_late, self._mounts = 0, [*others, mount]
         return None
 
     def _estimate(self, scan: Scan, pose: Pose2) -> Estimate:

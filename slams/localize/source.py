@@ -43,27 +43,29 @@ class Prepared(NamedTuple):
         return Localizer(self.slam, self.map_index, start, self.origin)
 
 
-def open_map(path: str | Path, notes: list[str] | None = None) -> GivenMap:
-    """Read a saved state, or a map_server yaml with its image.
+def open_map(path: str | Path, notes: list[str] | None = None, own: str = "") -> GivenMap:
+    """Read a saved state, or a map_server yaml with its image; `own` as in `read_state`.
 
     Raises:
         OSError: a file cannot be opened.
         ValueError: the file is neither; the message gives the reason.
     """
     from slams.formats.occupancy import read_map
-    from slams.state import load_state
+    from slams.state import read_state
 
     path = Path(path)
     with path.open("rb") as file:
         is_state = file.read(len(ZIP_MAGIC)) == ZIP_MAGIC
     if not is_state:
         return GivenMap(read_map(path, notes), name=str(path))
-    slam = load_state(path)
+    slam = read_state(path, own=own).slam
     return GivenMap(slam.map(), slam, str(path))
 
 
-def prepare(entry: Entry, params: Params, given: GivenMap) -> Prepared:
+def prepare(entry: Entry, params: Params, given: GivenMap, are_given: bool = False) -> Prepared:
     """An algorithm in a given map: its own state, or a new one after a virtual drive.
+
+    `are_given` tells whether the user gave parameters: those of a state cannot be changed.
 
     Raises:
         TypeError: the algorithm does not implement `Localizes`.
@@ -76,7 +78,7 @@ def prepare(entry: Entry, params: Params, given: GivenMap) -> Prepared:
     except ValueError as error:
         raise ValueError(f"{given.name}: {error}") from None
     if given.slam is not None and type(given.slam) is entry.cls:
-        check_params(given.name, given.slam, entry, params)
+        check_params(given.name, given.slam, params, are_given)
         slam = check_localizes(given.slam, entry.label)
         slam.frozen = True
         return Prepared(slam, index, IDENTITY)

@@ -26,7 +26,6 @@ from slams.state.tree import Reader, Writer
 
 if TYPE_CHECKING:
     from slams.params import Params
-    from slams.registry import Entry
     from slams.scanlog import ScanLog
     from slams.types import Ranges, Slam
 
@@ -59,7 +58,7 @@ def save(slam: Slam, path: str | Path, beside: Mapping[str, Any] | None = None) 
     label, tree, arrays = _tree_of(slam, beside or {})
     kept, large = dict(arrays), {}
     for name, array in arrays.items():
-        if array.nbytes >= MIN_MAPPED_SIZE and array.flags.c_contiguous:
+        if array.nbytes >= MIN_MAPPED_SIZE and array.flags.c_contiguous and not array.dtype.names:
             spans, data = nonzero_spans(array), array.reshape(-1).view(np.uint8)
             large[name] = [array.dtype.str, array.shape, spans]
             kept[name] = np.concatenate([data[:0], *(data[a:b] for a, b in spans)])
@@ -105,11 +104,12 @@ def load_state(path: str | Path, algorithm: str | None = None) -> Slam:
     return read_state(path, algorithm).slam
 
 
-def read_state(path: str | Path, algorithm: str | None = None) -> State:
-    """As `load_state`, with the values saved beside the algorithm."""
+def read_state(path: str | Path, algorithm: str | None = None, own: str = "") -> State:
+    """As `load_state`, with the values saved beside; `own`: a "module:Class" that may be loaded."""
     path = Path(path)
     label, tree, arrays = _read(path)
-    if algorithm is None and (not isinstance(label, str) or ":" in label):  # code of a user
+    is_foreign = not isinstance(label, str) or (":" in label and label != own)
+    if algorithm is None and is_foreign:  # code of a user
         raise ValueError(f"{path}: the state of {label!r}; pass algorithm=... to load its code")
     cls = find(algorithm or label).cls
     if label_of(cls) != label:
@@ -163,23 +163,10 @@ def _sentence(error: Exception) -> str:
     return " ".join(text.split())[:200]
 
 
-def resume(path: str | Path, entry: Entry, params: Params) -> State:
-    """The state in a file, for a run with an algorithm and parameters.
-
-    Raises:
-        OSError: the file cannot be opened.
-        ValueError: no state of the algorithm, or one with other parameters.
-    """
-    state = read_state(path, entry.label)
-    check_params(path, state.slam, entry, params)
-    return state
-
-
-def check_params(path: str | Path, slam: Slam, entry: Entry, params: Params) -> None:
-    """Refuse parameters, also of a preset, that a saved algorithm does not have: ValueError."""
+def check_params(path: str | Path, slam: Slam, params: Params, are_given: bool = False) -> None:
+    """Refuse what a saved algorithm lacks, of defaults only if they `are_given`: ValueError."""
     saved: Params = getattr(slam, "params", params)
-    is_default = entry.preset == "default" and params == entry.params()
-    if not is_default and params != saved:
+    if (are_given or params != type(params)()) and params != saved:
         name = next(n for n, value in saved.as_dict().items() if value != getattr(params, n))
         raise ValueError(
             f"{path}: saved with {name} {getattr(saved, name)}, got {getattr(params, name)}; "

@@ -10,6 +10,7 @@ list of modules are allowed; no constructor is called and nothing is imported.
 from __future__ import annotations
 
 import functools
+import inspect
 import re
 import sys
 from typing import Any
@@ -40,7 +41,10 @@ def _attributes(obj: Any) -> dict[str, Any]:
     kind = type(obj)
     if isinstance(obj, tuple):
         return dict(zip(kind.__dict__["_fields"], obj, strict=True))
-    slots = [name for name in getattr(kind, "__slots__", ()) if hasattr(obj, name)]
+    known = [item for base in kind.__mro__ for item in vars(base).items()]
+    slots = [
+        name for name, item in known if inspect.ismemberdescriptor(item) and hasattr(obj, name)
+    ]
     own = {name: getattr(obj, name) for name in slots} | getattr(obj, "__dict__", {})
     cached = functools.cached_property
     return {k: v for k, v in own.items() if not isinstance(getattr(kind, k, None), cached)}
@@ -53,6 +57,7 @@ class Writer:
         self.arrays: dict[str, NDArray[Any]] = {}
         self._package = package
         self._names: dict[int, tuple[str, Any]] = {}  # by id, unique as the object is kept
+        self._views: dict[int, list[NDArray[Any]]] = {}  # by the id of their memory's owner
 
     def node(self, obj: Any, name: str) -> Any:
         """The tree of an object.
@@ -68,6 +73,7 @@ class Writer:
         if isinstance(obj, np.ndarray):
             if type(obj) is not np.ndarray or obj.dtype.kind not in f"{NUMBER_KINDS}V":
                 raise TypeError(f"{name} is an array of {obj.dtype}; expected numbers")
+            self._check_memory(obj, name)
             self.arrays[name] = obj
             return ["array", name, obj.flags.writeable]
         if isinstance(obj, np.generic) and obj.dtype.kind in NUMBER_KINDS:
@@ -85,6 +91,17 @@ class Writer:
 
     def _nodes(self, objects: Any, name: str) -> list[Any]:
         return [self.node(obj, f"{name}[{i}]") for i, obj in enumerate(objects)]
+
+    def _check_memory(self, one: NDArray[Any], name: str) -> None:
+        """Refuse views of one memory of which one can be written: loaded, they were separate."""
+        owner = one
+        while isinstance(owner.base, np.ndarray):
+            owner = owner.base
+        views = self._views.setdefault(id(owner), [])
+        for other in views:
+            if np.may_share_memory(one, other) and (one.flags.writeable or other.flags.writeable):
+                raise TypeError(f"{name} is a view of {self._names[id(other)][0]}; copy it")
+        views.append(one)
 
     def _check_class(self, kind: type[Any], name: str) -> None:
         builtin = [base for base in kind.__mro__[:-1] if base.__module__ == "builtins"]

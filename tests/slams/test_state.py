@@ -62,6 +62,17 @@ def copied(thing):
     return Reader(arrays, "tests").read(node, "it")
 
 
+class Slots:
+    __slots__ = ("__hidden", "shown")
+
+    def __init__(self):
+        self.__hidden = self.shown = 7
+
+
+class Slotted(Slots):
+    __slots__ = "other"
+
+
 class Keeper(Odometry):
     """An algorithm that keeps one of everything a state can hold."""
 
@@ -79,7 +90,8 @@ class Keeper(Odometry):
         self.rng = np.random.default_rng(4)
         self.same_rng = self.rng
         self.none = np.zeros((0, 3), np.int32)
-        self.rows = np.zeros(2, [("a", "f8"), ("b", "f8")])
+        self.rows = np.zeros(5000, [("a", "f8"), ("b", "f8")])
+        self.slotted = Slotted()
 
 
 def test_what_refers_to_the_same_does_so_again():
@@ -96,6 +108,7 @@ def test_what_refers_to_the_same_does_so_again():
     assert it.same_rng is it.rng and it.rng.random() == one.rng.random()
     assert (it.none.shape, it.none.dtype) == ((0, 3), np.int32)
     assert it.rows.dtype == one.rows.dtype
+    assert it.slotted.shown == it.slotted._Slots__hidden == 7
 
 
 def test_an_algorithm_of_ones_own_is_saved_and_named_to_be_loaded(tmp_path):
@@ -107,10 +120,15 @@ def test_an_algorithm_of_ones_own_is_saved_and_named_to_be_loaded(tmp_path):
     assert load_state(tmp_path / "k", label).rows.dtype == one.rows.dtype
 
 
-@pytest.mark.parametrize("bad", [{1, 2}, np.array([None]), len, Exception, 1j, Path()])
+GRID = np.zeros((4, 4))
+
+
+@pytest.mark.parametrize(
+    "bad", [{1, 2}, np.array([None]), len, Exception, 1j, Path(), GRID[1:-1, 1:-1]]
+)
 def test_what_is_no_data_is_refused_by_name(bad):
-    with pytest.raises(TypeError, match=r"it\[0\] "):
-        Writer("tests").node([bad], "it")
+    with pytest.raises(TypeError, match=r"it\[1\] "):
+        Writer("tests").node([GRID, bad], "it")
 
 
 def rewritten(source, target, change):
@@ -238,6 +256,18 @@ def test_a_run_goes_on_where_another_stopped(tmp_path, capsys):
     assert summary["parameters"]["levels"] == 2
     assert command(*again) == 2
     assert "all its 30 scans are in the state already" in capsys.readouterr().err
+    assert command(*again, "--set", "levels=3") == 2  # the default, but given
+    assert "saved with levels 2, got 3" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("failing", ["run.write_drive", "state.store.save_after"])
+def test_an_output_that_fails_leaves_the_other(failing, tmp_path, monkeypatch, capsys):
+    drive(n=3, lidar=laser(91)).save(tmp_path / "log.npz")
+    monkeypatch.setattr(f"slams.{failing}", lambda *_: (tmp_path / "no" / "x").touch())
+    words = ("odometry", tmp_path / "log.npz", "--out", tmp_path / "o", "--save-state")
+    assert command(*words, tmp_path / "s") == 2
+    assert (tmp_path / "s").exists() == (failing == "run.write_drive") != (tmp_path / "o").exists()
+    assert "no such file" in capsys.readouterr().err
 
 
 def test_every_other_scan_goes_on_in_step(tmp_path):

@@ -17,7 +17,7 @@ from slams.live.slam import MAX_RESUME_GAP
 from tests.floors import START, grid_of, seen, truth
 from tests.rooms import ROOM, box, cast, laser, scan_at
 from tests.slams.live.commands import PATIENCE, started
-from tests.slams.live.robots import Bus, Stand, robot_log
+from tests.slams.live.robots import Bus, Ending, Stand, robot_log
 
 
 def placed_log(n=24, rate=4.0):
@@ -198,6 +198,35 @@ def test_a_node_refuses_as_a_run_does(arguments, sentence, folder, monkeypatch, 
         assert main(["hector", *log, *arguments]) == 2
         error = capsys.readouterr().err
         assert sentence in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize("failing", ["bag.mcap", "map.png", "state"])
+def test_an_output_that_fails_leaves_the_others(failing, monkeypatch, tmp_path, capsys):
+    def fail(*_, **__):
+        raise OSError(f"{failing} fails")
+
+    stand = Stand(monkeypatch)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(command, "transport_of", lambda *_: stand.bus.transport())
+    monkeypatch.setattr(command, "_end_event", lambda: Ending(9, lambda: stand.scan(0.0)))
+    replaced = {"bag.mcap": "formats.mcap.McapFile.write", "map.png": "run.write_drive"}
+    monkeypatch.setattr(f"slams.{replaced.get(failing, 'live.slam.save_after')}", fail)
+    words = ["odometry", "-q", "--out", ".", "--record", "bag.mcap", "--save-state", "state"]
+    assert command.main(words) == 2
+    assert f"{failing} fails" in capsys.readouterr().err
+    written = {name for name in ("bag.mcap", "map.png", "state") if (tmp_path / name).exists()}
+    assert written == {"bag.mcap", "map.png", "state"} - {failing}
+
+
+@pytest.mark.parametrize("before", [signal.SIG_DFL, signal.SIG_IGN])
+def test_a_terminal_that_is_closed_ends_a_node_without_nohup(before, monkeypatch):
+    handlers = {}
+    monkeypatch.setattr(signal, "getsignal", lambda number: before)
+    monkeypatch.setattr(signal, "signal", handlers.__setitem__)
+    ending = command._end_event()
+    assert (signal.SIGHUP in handlers) == (before == signal.SIG_DFL)
+    handlers.get(signal.SIGHUP, handlers[signal.SIGTERM])()
+    assert ending.is_set()
 
 
 def test_each_drive_of_a_robot_has_a_folder_of_its_own(tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 """What goes wrong while driving, reported when it begins and when it ends; the status line."""
 
+import os
 import sys
 from argparse import Namespace
 from types import SimpleNamespace
@@ -94,6 +95,11 @@ def test_a_line_a_second_on_a_terminal(node, stand, monkeypatch, capsys):
     text = capsys.readouterr().err
     assert "40 scans, 3 left out; x 1.25 y -0.50 m, 90 deg; matched 0.90" in text
     assert text.endswith("\x1b[Kslams.live: note: something\n")
+    with monkeypatch.context() as closed:
+        closed.setattr(sys.stderr, "write", lambda text: os.close(-1))
+        terminal.show_status(node)
+        terminal.notify("nobody reads it")
+        terminal.end()
     node.live.last = None
     terminal.show_status(node)
     assert capsys.readouterr().err.endswith("waiting for scans")

@@ -189,6 +189,27 @@ def test_a_frame_that_is_not_in_tf_is_waited_for(base, named, frames, monkeypatc
     assert stand.node.report()["base_frame"] == (base or "base_link")
 
 
+def test_tf_odometry_that_is_asked_for_is_waited_for(monkeypatch):
+    stand = mounted(monkeypatch, odometry="tf")
+    stand.scan(0.1)
+    sentence = "no odometry from odom to the laser's frame laser; frames: base_link"
+    assert sentence in waits(stand, monkeypatch)[-1]
+    stand.start(ending=Ending(100, lambda: stand.moved(0.1, (0.0, 0.0, 0.0))))
+    assert stand.node.report()["odometry"] == "tf"
+
+
+def test_tf_odometry_that_begins_late_is_told_and_leaves_no_second_parent(stand):
+    stand.start_and_drive(0.1)
+    assert len(stand.bus.sent("/tf")) == 1  # map -> base_link
+    stand.look()
+    stand.moved(0.2, (0.0, 0.0, 0.0))
+    stand.scan(0.2)
+    stand.drive()
+    stand.look()
+    assert len(stand.node.drive.t) == len(stand.bus.sent("/tf")) == 2  # that of the odometry
+    assert sum("began too late and is not used" in note for note in stand.notes) == 1
+
+
 def test_without_tf_the_laser_is_the_base(monkeypatch):
     stand = Stand(monkeypatch)
     stand.start_and_drive(0.0)
@@ -197,16 +218,21 @@ def test_without_tf_the_laser_is_the_base(monkeypatch):
 
 
 def test_what_is_assumed_of_the_laser_is_told_once(stand):
-    limitless = stand.make.scan(0, "laser", LASER, np.full(91, 2.0, np.float32), 0.1)
-    limitless.range_max = 0.0
-    stand.bus.publish("/scan", SCAN_TYPE, limitless)
+    for k, reading in enumerate((2.0, 1.0, 8.0, 4.0)):  # into a larger room
+        ranges = np.full(91, reading, np.float32)
+        limitless = stand.make.scan(10**8 * k, "laser", LASER, ranges, 0.1)
+        limitless.range_max, limitless.time_increment = 0.0, 0.01
+        stand.bus.publish("/scan", SCAN_TYPE, limitless)
     stand.gyro(0.0, 0.5, frame="somewhere")
+    seen = stand.scans_seen()
     stand.start_and_drive()
     for _ in range(2):
         stand.look()
     (note,) = [note for note in stand.notes if "range_max is 0" in note]
     assert note == "range_max is 0; 2.00 m is used instead"
     assert sum("no transform to the gyro's frame 'somewhere'" in note for note in stand.notes) == 1
+    assert [scan.laser.time_increment for scan in seen] == [0.0] * 4
+    assert np.isfinite([scan.ranges for scan in seen]).all() and seen[3].laser is seen[2].laser
 
 
 def test_what_waits_while_frames_are_sought_is_not_left_out(stand, monkeypatch):

@@ -198,6 +198,13 @@ def test_a_run_localizes_in_a_map_of_map_server(files, capsys):
     assert len(errors(files / "o")) == 9
 
 
+class Own(Drifting):
+    """An algorithm of a user that knows the room."""
+
+    def map(self):
+        return grid_of(ROOM)
+
+
 class Bare(Drifting):
     """An algorithm without parameters to show, as the contract allows."""
 
@@ -209,6 +216,16 @@ class Bare(Drifting):
 def test_a_run_localizes_by_an_algorithm_that_has_the_methods_alone(files):
     there = ("--localize", files / "map.yaml", "--start=0.3,-0.2,0.4", "--out", files / "o")
     assert command(f"{__name__}:Bare", files / "room.npz", *there) == 0
+
+
+def test_an_algorithm_of_ones_own_localizes_in_its_state_with_its_parameters(files, log):
+    label, state = f"{__name__}:Own", files / "own.state"
+    words = (label, files / "room.npz", "-q", "--force", "--out", files / "o")
+    assert command(*words, "--seed", "4", "--save-state", state) == 0
+    assert command(*words, "--localize", state) == 0
+    assert slams.LiveSlam(label, map=state, warm_up=False).params.seed == 4
+    with pytest.raises(ValueError, match="saved with seed 4, got 0"):
+        slams.LiveSlam(label, state=state, warm_up=False, seed=0)
 
 
 def test_a_run_begins_at_the_scan_that_is_found(files, log, capsys):
