@@ -124,7 +124,9 @@ def test_relations_are_met_by_interpolation(log, estimate):
     gap = np.r_[:30, 60:80]
     for part in (slice(0, 60, 2), gap):  # it ends early, or has a gap
         cut = TimeSeries(log.t[part], moved(OTHER, truth[part]))
-        rows = [foreign_case(Foreign("x", cut, None), log, known).row for known in (None, relations)]
+        rows = [
+            foreign_case(Foreign("x", cut, None), log, known).row for known in (None, relations)
+        ]
         assert rows[1]["relations"]["used"] == 1
         if part is not gap:
             assert all(row["loss"]["by"] == "end" and row["loss"]["lost"] for row in rows)
