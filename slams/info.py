@@ -126,14 +126,20 @@ def described(log: ScanLog) -> str:
 def _laser(laser: Laser) -> str:
     """Field of view, range limits and mount of a laser."""
     fov = math.degrees(abs(laser.angle_increment) * (laser.n_beams - 1))
+    height = "" if laser.above_floor is None else f", {laser.above_floor:.3f} m above the floor"
     return (
         f"laser: {fov:.0f} degrees, {laser.range_min:.2f} to {laser.range_max:.2f} m, mounted at "
-        f"({laser.mount.x:.3f}, {laser.mount.y:.3f}) m, {laser.mount.theta:.4f} rad"
+        f"({laser.mount.x:.3f}, {laser.mount.y:.3f}) m, {laser.mount.theta:.4f} rad{height}"
     )
 
 
 def _signals(log: ScanLog) -> dict[str, TimeSeries]:
-    signals = {"odometry": log.odom, "yaw_rate": log.yaw_rate, "truth": log.truth}
+    signals = {
+        "odometry": log.odom,
+        "yaw_rate": log.yaw_rate,
+        "attitude": log.attitude,
+        "truth": log.truth,
+    }
     return {name: series for name, series in signals.items() if series is not None}
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 
 from slams.params import Params
 from slams.types import Corrected, Floats, Scan, Slam
+
+# of a report; all other numbers are counts
+STATE_KEYS = {"particles", "tiles", "stamps_late_ms", "attitude_late_ms"}
 
 WARM_UP_SCANS = 4  # after so many all kernels that a typical scan needs are loaded
 
@@ -54,7 +57,8 @@ def replay(slam: Slam, scans: Iterable[Scan]) -> Run:
     from slams.jit import CompileClock
 
     t, poses, seconds = [], [], []
-    lost = [int(slam.report().get("lost", 0))]
+    before = dict(slam.report())  # of a resumed state
+    lost = [int(before.get("lost", 0))]
     with CompileClock() as compiling, _frozen_objects():
         for scan in scans:
             compiled, start = compiling.seconds, time.process_time()
@@ -71,10 +75,16 @@ def replay(slam: Slam, scans: Iterable[Scan]) -> Run:
         trajectory,
         np.maximum(seconds, 0.0),
         compiling.seconds,
-        slam.report(),
+        counts_since(before, slam.report()),
         np.diff(lost) > 0,
         slam.corrected()[-len(t) :] if isinstance(slam, Corrected) else None,
     )
+
+
+def counts_since(before: Mapping[str, Any], report: Mapping[str, Any]) -> dict[str, Any]:
+    """A report with the counts of scans since an earlier report."""
+    counts = {k: n for k, n in before.items() if isinstance(n, int) and k not in STATE_KEYS}
+    return {k: value - counts[k] if k in counts else value for k, value in report.items()}
 
 
 @contextmanager

@@ -194,7 +194,7 @@ def write_drive(
         if mcap is not None:
             from slams.formats.mcap import write_mcap  # it loads the bag library
 
-            write_mcap(partial / "result.mcap", mcap, poses, grid)
+            write_mcap(partial / "result.mcap", mcap, shown, grid)
         summary["files"] = sorted([*(path.name for path in partial.iterdir()), SUMMARY_FILE])
         (partial / SUMMARY_FILE).write_text(as_json(summary), encoding="utf-8")
 

@@ -37,7 +37,7 @@ NOTED_COUNTS = {
     "attitude_late_ms": "ms, about, of delay of the attitude",
     "collapsed": "times the maps of the particles exceeded max_tiles: all continued from the best",
 }
-MAX_CONFLICTING_SCANS_RATIO = 0.05  # of the scans; fewer may be due to a door that opened
+MAX_NOTED_SHARE = 0.05  # of the scans; fewer in conflict may be due to a door that opened
 VERSIONED_LIBRARIES = (
     "numpy",
     "numba",
@@ -188,7 +188,12 @@ def _notes(summary: dict[str, Any]) -> list[str]:
         f"laser {laser['laser']} sent no scan after {laser['last_s']:.1f} s"
         for laser in summary["silent_lasers"]
     ]
-    if report.get("in_conflict", 0) > MAX_CONFLICTING_SCANS_RATIO * summary["scans"]:
+    few = MAX_NOTED_SHARE * summary["scans"]
+    if report.get("lost", 0) > few:
+        notes.append(f"{report['lost']} scans are lost: do not trust poses and map")
+    if report.get("unlike", 0) > few:
+        notes.append(f"{report['unlike']} scans are unlike the given map: another map or start?")
+    if report.get("in_conflict", 0) > few:
         causes = "people or dust" if report.get("leveled") else "people, dust, or a tilting laser"
         notes.append(f"{report['in_conflict']} scans conflict with free space of the map: {causes}")
     return ["note: " + "; ".join(notes)] if notes else []

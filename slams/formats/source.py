@@ -121,4 +121,7 @@ def _uncovered(log: ScanLog) -> list[str]:
                 inside = int(np.isfinite(one.known_poses_at(log.t)[:, 0]).sum())
             if inside < MIN_COVERED_SHARE * len(log):
                 notes.append(f"{name} covers {inside} of {len(log)} scans")
+            if inside == 0:
+                notes[-1] += f": {one.t.min():.3f} to {one.t.max():.3f} s, the scans "
+                notes[-1] += f"{log.t.min():.3f} to {log.t.max():.3f} s"
     return notes

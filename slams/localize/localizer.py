@@ -10,10 +10,9 @@ import numpy as np
 from slams.localize.hooks import Localizes
 from slams.localize.map_index import MapIndex, end_points
 from slams.params import Params
+from slams.player import counts_since
 from slams.types import IDENTITY, Floats, OccupancyGrid, Pose2, Scan, against_map
 
-# of a report; all other numbers are counts
-STATE_KEYS = {"particles", "tiles", "stamps_late_ms", "attitude_late_ms"}
 UNLIKE_INLIER_RATIO = 0.5  # of a scan; below it the world has changed or the pose is wrong
 
 
@@ -67,10 +66,7 @@ class Localizer:
     def report(self) -> dict[str, Any]:
         """The algorithm's counts in the map, mean of `explained`, number of unlike scans."""
         share = self._explained_sum / self._scans if self._scans else math.nan
-        report = dict(self.slam.report())
-        for name in report.keys() & self._before.keys() - STATE_KEYS:
-            if isinstance(report[name], int):
-                report[name] -= self._before[name]
+        report = counts_since(self._before, self.slam.report())
         return report | {"explained": round(share, 4), "unlike": self._n_unlike}
 
     @property

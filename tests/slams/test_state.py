@@ -254,6 +254,7 @@ def test_a_run_goes_on_where_another_stopped(tmp_path, capsys):
     assert (out["second"] / "map.pgm").read_bytes() == (out["whole"] / "map.pgm").read_bytes()
     summary = json.loads((out["second"] / "summary.json").read_text())
     assert summary["parameters"]["levels"] == 2
+    assert summary["report"]["matched"] == summary["scans"] == 18
     assert command(*again) == 2
     assert "all its 30 scans are in the state already" in capsys.readouterr().err
     assert command(*again, "--set", "levels=3") == 2  # the default, but given

@@ -83,12 +83,15 @@ def test_poses_without_a_truth_are_left_out(covered):
 
 
 def test_counts_of_faults_become_notes():
-    report = {"lost": 0, "too_far": 7}
+    report = {"lost": 2, "too_far": 7, "unlike": 3}
     found = summary_of(poses_of(), log_of(), report) | {"stamps_back": 3}
     (note,) = [line for line in as_text(found).splitlines() if line.startswith("note")]
     assert "3 stamps jump back" in note
     assert "1 scans have no return at all" in note
     assert "7 scans not inserted into the map" in note
+    assert "2 scans are lost" in note and "3 scans are unlike the given map" in note
+    one = as_text(summary_of(poses_of(), log_of(), dict.fromkeys(report, 1)))
+    assert "are lost" not in one and "unlike the" not in one
 
 
 @pytest.mark.parametrize(
