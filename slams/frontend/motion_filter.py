@@ -215,11 +215,11 @@ class MotionFilter:
         self.wheels = p.wheels and measured and bool(self._learned[1, 0] < kernels.FAULTY_FACTOR)
         if p.wheels and wheels is not None:
             self._read_wheels(wheels, dt)
-        if p.gyro and last.yaw is not None and scan.yaw is not None:
+        if not p.gyro or last.yaw is None or scan.yaw is None:
+            self._gyro_rate = math.nan
+        elif dt > MIN_LASER_OFFSET:
             rotation = wrap_angle(scan.yaw - last.yaw)
             variance = p.gyro_noise**2 * dt + (GYRO_SCALE_STD * rotation) ** 2 + 1e-10
-            last_rate, self._gyro_rate = self._gyro_rate, rotation / max(dt, MIN_LASER_OFFSET)
+            last_rate, self._gyro_rate = self._gyro_rate, rotation / dt
             change = 0.0 if math.isnan(last_rate) else self._gyro_rate - last_rate
             readings[GYRO, :4] = 1.0, rotation, variance, change
-        else:
-            self._gyro_rate = math.nan

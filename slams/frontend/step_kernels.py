@@ -34,8 +34,9 @@ def is_jump(step: Floats, dt: float, rate: Floats) -> bool:
     robot that is pushed jumps for one scan only.
     """
     change = 0.0
-    for i in range(3):
-        change = max(change, abs(step[i] / max(dt, MIN_LASER_OFFSET) - rate[i]))
+    if dt > MIN_LASER_OFFSET:  # else two lasers scan at the same moment
+        for i in range(3):
+            change = max(change, abs(step[i] / dt - rate[i]))
     return change > MAX_RATE_CHANGE
 
 

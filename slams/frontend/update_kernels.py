@@ -252,7 +252,8 @@ def update(
     midpoint_step(last_pose, pose, step)
     if is_jump(step, dt, last_rate):
         isolate(P, POSE)
-    last_rate[:] = step / max(dt, MIN_LASER_OFFSET)
+    if dt > MIN_LASER_OFFSET:
+        last_rate[:] = step / dt
     offset_from(z, pose, d)
     nis = mahalanobis_squared(inverse3(P[:3, :3] + np.diag(prior)), Pose2(d[0], d[1], d[2]))
     factor = (STUDENT_DOF + min(nis, MAX_NIS)) / (STUDENT_DOF + 3.0)

@@ -1,6 +1,7 @@
 """The motion filter: against naive twins, against finite differences, and with any input."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -254,6 +255,18 @@ def test_a_jump_and_the_way_back_leave_twist_and_calibration(axis, speed, wheels
             np.testing.assert_allclose(motion._z[kernels.SCALE :], calibration, atol=1e-9)
     assert motion.pose[axis] == pytest.approx(3.9 * speed, abs=1e-3)
     np.testing.assert_allclose(twists[20:], speed, rtol=0.04)
+
+
+def test_two_lasers_that_scan_at_the_same_moment_make_no_jumps():
+    motion, rear = MotionFilter(FrontendParams()), replace(LASER, mount=Pose2(-0.2, 0.0, 3.1))
+    for k in range(40):
+        t = 0.1 * k
+        for lidar, off in ((LASER, 0.004), (rear, -0.004)):  # m, of their mounts
+            prior = motion.predict(Scan(t, RANGES, lidar, None, t))
+            pose = Pose2(0.5 * t + off, 0.0, math.remainder(t, math.tau))
+            motion.update(pose, SHARP, FULLY_OBSERVED)
+    assert np.sqrt(np.diag(prior.covariance)).max() < 0.01
+    assert prior.twist.theta == pytest.approx(1.0, abs=0.05)
 
 
 def test_a_jump_of_the_wheels_is_not_delayed_as_their_other_steps_are():
