@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import count
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slams.registry import ALGORITHMS, BASELINES
 from slams.types import Floats
 
 # Okabe and Ito's, and colors with the largest distances in CIELAB, also from white and black
@@ -15,6 +17,9 @@ COLORS = (
     *("#806040", "#E00060", "#00C000", "#6060E0", "#A0C040", "#E040C0", "#56B4E9"),
 )
 LINE_STYLES = ("-", "--", ":", "-.")  # of runs with the same color
+# runs whose look never depends on the other runs of a figure
+IDEAS = [name for name in ALGORITHMS if name not in BASELINES]
+KNOWN = [*ALGORITHMS, *(f"{name}@{kind}" for kind in ("paper", "original") for name in IDEAS)]
 UNKNOWN_SHADE = 0.7  # of unobserved cells
 MIN_FREE_SHADE = 0.85  # of free cells: lighter than unknown
 MAX_OCCUPIED_SHADE = 0.5  # of occupied cells: darker than unknown
@@ -29,9 +34,12 @@ class Look(NamedTuple):
 
 def looks(names: list[str]) -> dict[str, Look]:
     """The look of each run by its name, the same in every figure."""
+    ranks = {name: k for k, name in enumerate(KNOWN) if name in names}
+    free = (k for k in count() if k not in ranks.values())
+    found = {name: ranks[name] if name in ranks else next(free) for name in names}
     return {
         name: Look(COLORS[k % len(COLORS)], LINE_STYLES[k % len(LINE_STYLES)])
-        for k, name in enumerate(names)
+        for name, k in found.items()
     }
 
 
