@@ -56,20 +56,6 @@ def nearest(tiles: Tiles, particle: int, ix: int, iy: int, x: float, y: float) -
 
 
 @njit(inner=True, borrows=True)
-def decay(u: float) -> float:
-    """exp(-u) = cosh u - sinh u; for small u by their series, within 1e-9.
-
-    ours: faster than exp, which took a third of the climb's time.
-    """
-    if u > 0.5:
-        return math.exp(-u)
-    v = u * u
-    cosh = 1.0 + v * (1 / 2 + v * (1 / 24 + v * (1 / 720 + v * (1 / 40320))))
-    sinh = u + u * v * (1 / 6 + v * (1 / 120 + v * (1 / 5040 + v * (1 / 362880))))
-    return cosh - sinh
-
-
-@njit(inner=True, borrows=True)
 def score(
     tiles: Tiles, particle: int, pose: Floats, points: Floats, sigma: float, floor: float
 ) -> float:
@@ -90,7 +76,7 @@ def score(
         ix, iy = math.floor(x * per_cell + 0.5), math.floor(y * per_cell + 0.5)
         d2 = nearest(tiles, particle, ix, iy, x, y)
         if d2 < NO_HIT:
-            total += decay(d2 * per_sigma)
+            total += math.exp(-d2 * per_sigma)
     return total
 
 

@@ -53,15 +53,15 @@ def test_ten_runs_have_ten_colors_and_the_bars_are_not_all_in_the_first_class(dr
     assert ticks[-1].startswith("≥ ")
 
 
-@pytest.mark.parametrize(
-    ("reach", "most", "width"), [(0.0007, 0.025, 0.0001), (0.007, 0.025, 0.001), (9.0, 0.05, 0.05)]
-)
 def test_an_algorithm_has_its_look_in_every_figure_and_variants_have_others():
     found = palette.looks(["x:y", "tsd", "hector@paper", "hector"])
     assert palette.looks(["hector", "crsm"])["hector"] == found["hector"]
     assert len({look.color for look in found.values()}) == 4
 
 
+@pytest.mark.parametrize(
+    ("reach", "most", "width"), [(0.0007, 0.025, 0.0001), (0.007, 0.025, 0.001), (9.0, 0.05, 0.05)]
+)
 def test_classes_are_round_and_never_wider_than_the_papers(reach, most, width):
     assert figures.class_width([np.full(10, reach)] * 3, most) == pytest.approx(width)
 
