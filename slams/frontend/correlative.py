@@ -30,7 +30,7 @@ MIN_HALF_ROTATION = 0.2  # rad, since a doubtful prior must not limit the search
 class LikelihoodField(NamedTuple):
     """Likelihood of walls (ny, nx), center of cell [0, 0] (x, y) [m], edge of a cell [m].
 
-    `pooled` (ny, nx) and `block`: see `pooled_field`; without them each search pools the cells.
+    `pooled` (ny, nx) and `block`: see `pooled_field`; without them each search makes its own.
     Values of `full` and more are a likelihood of 1.
     """
 
@@ -60,7 +60,7 @@ def window_of(middle: Pose2, covariance: Floats) -> Window:
 
 
 def pooled_field(field: LikelihoodField, block: int) -> LikelihoodField:
-    """A field for many searches, with the maximum over the block of cells that starts at each cell.
+    """A field for searches, with the maximum over the block of cells that starts at each cell.
 
     Its bound is tighter than that of coarse cells, in which a point may lie anywhere [Olson15].
     """
@@ -94,7 +94,9 @@ def search(
     max_range = math.sqrt(float((subset * subset).sum(axis=0).max(initial=1.0)))
     part, cell = _part(field, window, max_range), field.resolution
     block = field.block or _block_size(window.half_width / cell)
-    poses, count = _coarse_poses(part, subset, window, block, (max_range, min_score))
+    if part.pooled is None:
+        part = pooled_field(part, block)
+    poses, count = _coarse_poses(part, subset, window, (max_range, min_score))
     frame = np.array((part.x0 - 0.5 * cell, part.y0 - 0.5 * cell, cell))
     scores = np.array((min_score, tolerance))
     kernels.best_shifts(part.likelihood, subset, frame, block, scores, poses)
@@ -125,15 +127,12 @@ def _part(field: LikelihoodField, window: Window, max_range: float) -> Likelihoo
 
 
 def _coarse_poses(
-    field: LikelihoodField, ends: Floats, window: Window, block: int, need: tuple[float, float]
+    field: LikelihoodField, ends: Floats, window: Window, need: tuple[float, float]
 ) -> tuple[Floats, int]:
     """First poses (k, 4) of the best blocks; number of blocks. need: max_range, min_score."""
-    fine, x0, y0, cell, coarse, stride = field[:6]
-    (ny, nx), width, (max_range, min_score) = fine.shape, block * cell, need
-    edge = cell
-    if coarse is None:
-        coarse, edge, stride = np.zeros((ny // block + 1, nx // block + 1), np.float32), width, 1
-        kernels.pool(fine, block, coarse)
+    _, x0, y0, cell, coarse, block = field[:6]
+    assert coarse is not None, "the field of a search is pooled"
+    width, (max_range, min_score) = block * cell, need
     shifts = 2 * math.ceil(window.half_width / width) + 1
     substeps = np.arange(-(block // 4), block // 4 + 1) / (block // 2 + 1)
     rotation = min(window.half_rotation, math.pi)
@@ -144,8 +143,8 @@ def _coarse_poses(
     first = window.middle.theta - rotation
     bounds = np.zeros((rotations, shifts, shifts), np.float32)
     view = np.array((x, y, first, step, min_score))
-    frame = np.array((x0 - 0.5 * cell, y0 - 0.5 * cell, edge))
-    kernels.bounds(coarse, ends, view, frame, stride, bounds)
+    frame = np.array((x0 - 0.5 * cell, y0 - 0.5 * cell, cell))
+    kernels.bounds(coarse, ends, view, frame, block, bounds)
     good = _greatest(bounds.ravel(), min_score)
     k, j, i = np.unravel_index(good, bounds.shape)
     thetas = (first + (k[:, None] + substeps) * step).ravel()

@@ -17,25 +17,6 @@ Grid = NDArray[np.float32]
 Cells = NDArray[np.int64]
 
 
-@njit
-def pool(fine: Grid, block: int, out: Grid) -> None:
-    """Maximum of the likelihood over blocks of cells and their next neighbors [Olson15].
-
-    out[j, i] is the maximum of fine[j block + v, i block + u] over u, v from 0 to 2 block - 1. So
-    it bounds the likelihood at a point anywhere in the block, shifted by less than a block.
-    """
-    height, width = fine.shape
-    for iy in range(height):
-        for ix in range(width):
-            value = fine[iy, ix]
-            if value > 0.0:
-                v, u = iy // block, ix // block
-                for jy in range(max(v - 1, 0), v + 1):
-                    for jx in range(max(u - 1, 0), u + 1):
-                        if out[jy, jx] < value:
-                            out[jy, jx] = value
-
-
 @njit(inner=True, borrows=True)
 def cells_of(points: Floats, pose: Pose2, corner: Floats, cell: float, out: Cells) -> None:
     """Cells (2, n) of points (2, n) [m] at a pose; corner (2,) [m] of cell [0, 0]. ours."""

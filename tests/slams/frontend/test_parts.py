@@ -6,8 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from slams.frontend.correlative import LikelihoodField, Window, search, window_of
-from slams.frontend.correlative_kernels import pool
+from slams.frontend.correlative import (
+    LikelihoodField,
+    Window,
+    pooled_field,
+    search,
+    window_of,
+)
 from slams.frontend.degeneracy import FULLY_OBSERVED, match_observability, observability
 from slams.frontend.estimator import PoseEstimator
 from slams.frontend.keyframes import Keyframes
@@ -118,14 +123,13 @@ def test_a_search_does_bounded_work():
 
 @pytest.mark.parametrize("block", [4, 8])
 def test_a_coarse_cell_bounds_all_shifts_within_it(block):
-    rng = np.random.default_rng(block)
-    fine = rng.random((64, 80), np.float32)
-    coarse = np.zeros((64 // block + 1, 80 // block + 1), np.float32)
-    pool(fine, block, coarse)
-    for iy in range(64 - 2 * block):
-        for ix in range(80 - 2 * block):
-            v, u = iy // block, ix // block
-            assert coarse[v, u] >= fine[iy : iy + block, ix : ix + block].max()
+    fine = np.random.default_rng(block).random((64, 80), np.float32)
+    found = pooled_field(LikelihoodField(fine, 1.0, 2.0, 0.1), block)
+    assert (found.x0, found.y0) == pytest.approx((1.0 - 0.1 * block, 2.0 - 0.1 * block))
+    for iy in range(64):
+        for ix in range(80):
+            most = fine[iy : iy + block, ix : ix + block].max()
+            assert found.pooled[iy + block, ix + block] == most
 
 
 @pytest.mark.parametrize("half", [0.05, 0.4, 1.0, 2.0, 4.0])
