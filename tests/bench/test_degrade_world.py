@@ -257,6 +257,17 @@ def test_somebody_before_a_laser_of_one_beam_walks_to_and_fro_along_it():
     np.testing.assert_array_equal(plain_python, out)
 
 
+def test_somebody_walks_straight_from_place_to_place_that_the_laser_observes():
+    angles = np.linspace(-math.pi, math.pi, 60)
+    ranges, out = np.full((400, 60), 2.5, np.float32), np.empty((400, 2))
+    ranges.flags.writeable = False
+    rng = np.random.default_rng(1)
+    stroll(np.zeros((400, 3)), ranges, angles, np.full(400, 0.05), MIN_PERSON_DISTANCE, rng, out)
+    assert np.hypot(*out.T).max() < 2.5
+    turns = np.abs(np.diff(np.unwrap(np.arctan2(*np.diff(out, axis=0).T))))
+    assert np.median(turns) < 1e-9 < turns.max()
+
+
 def test_noise_does_not_blur_the_panes():
     """Walls that run along a border of the grid would flicker."""
     log = hall_log([(-1.0, 0.5, 0.1)] * 20)

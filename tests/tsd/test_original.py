@@ -13,7 +13,7 @@ from tests.tsd import naive as naive_tsd
 from tests.tsd.cases import original
 from tsd.original import Original, OriginalParams
 from tsd.original.map import TsdGrid, zero_crossings
-from tsd.original.map_kernels import cast_rays
+from tsd.original.map_kernels import allocate, cast_rays
 from tsd.original.match_kernels import closed_form, move, score_pdf
 from tsd.original.registration import reciprocal_pairs
 from tsd.original.scan_kernels import Sensor, mask_scan, oriented_normals
@@ -38,6 +38,16 @@ def test_push_equals_the_naive_twin(pushed):
     cells = np.kron(kernel.allocated, np.ones((32, 32), bool))
     assert cells.sum() > 4000
     assert np.allclose(kernel.tsd[cells], twin[cells], atol=1e-5, equal_nan=True)
+
+
+def test_cells_of_a_partition_that_was_empty_are_free_and_no_others():
+    kernel = TsdGrid(0.05, 0.15, 128, True).kernel
+    kernel.emptiness[1, 2] = 5.0
+    allocate(kernel, 1, 2)
+    expected = np.zeros(kernel.weight.shape)
+    expected[32:64, 64:96] = 5.0
+    np.testing.assert_array_equal(kernel.weight, expected)
+    np.testing.assert_array_equal(kernel.allocated.nonzero(), [[1], [2]])
 
 
 def test_ray_cast_equals_the_naive_twin_and_the_walls(pushed):
