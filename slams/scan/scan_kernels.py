@@ -55,9 +55,10 @@ def end_points(
         out[0, n] = x
         out[1, n] = y
         out[2, n] = i
-        is_near = square_of_typical >= MAX_WEIGHT * r * r
-        weight = MAX_WEIGHT if is_near else square_of_typical / (r * r)
-        out[3, n] = weight if typical > 0.0 else 1.0
+        out[3, n] = 1.0
+        if typical > 0.0:
+            is_near = square_of_typical >= MAX_WEIGHT * r * r
+            out[3, n] = MAX_WEIGHT if is_near else square_of_typical / (r * r)
         square = x * x + y * y
         far = square if square > far else far
         n += 1
