@@ -135,6 +135,8 @@ def remove_isolated(
         if near < MIN_CLOSE_NEIGHBORS:
             scratch[0, isolated] = i
             isolated += 1
+    if isolated == 0:
+        return n
     removed = 0
     for i in range(n):
         if removed < isolated and scratch[0, removed] == i:
