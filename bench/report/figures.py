@@ -78,7 +78,7 @@ def shares_below(axes: Axes, errors: Mapping[str, Floats], what: str, looks: Loo
     plain_numbers(axes.xaxis)
     axes.grid(visible=True, which="both", alpha=0.25)
     if axes.get_lines():
-        axes.legend(loc="lower right", fontsize=8 if len(errors) <= MAX_LARGE_NAMES else 6)
+        axes.legend(loc="best", fontsize=8 if len(errors) <= MAX_LARGE_NAMES else 6)
 
 
 def against_cost(axes: Axes, points: Sequence[Point], looks: Looks) -> None:
