@@ -6,7 +6,7 @@ import numpy as np
 
 from slams.grid_bounds import Box
 from slams.scan.end_points import ROBUST_SCALE_DEVIATIONS, EndPoints
-from slams.types import Floats, Laser, Pose2, Ranges, Scan
+from slams.types import Floats, Laser, Pose2, Scan
 from tsd.map_kernels import place_lines
 from tsd.params import TsdParams
 from tsd.scan_kernels import Beams, SurfaceRule, find_runs, fit_surfaces
@@ -70,9 +70,9 @@ class SurfaceScan(EndPoints):
         """Robust scale: distance from a surface [m] at which an element has weight 1/2."""
         return max(self._p.robust, ROBUST_SCALE_DEVIATIONS * self.noise)
 
-    def _adopt(self, laser: Laser, ranges: Ranges) -> None:
-        super()._adopt(laser, ranges)
-        n = len(ranges)
+    def _adopt(self, laser: Laser) -> None:
+        super()._adopt(laser)
+        n = laser.n_beams
         self._firsts, self._lines = np.zeros(n + 1), np.zeros((n, 7))
         self.elements, self._dense = np.zeros((n, 8)), np.zeros((n, 8))
 

@@ -14,7 +14,7 @@ from slams.scan.moving_average import MovingAverage
 from slams.scan.params import ScanParams
 from slams.scan.range_noise import RangeNoise
 from slams.scan.scan_kernels import Points, ScanResolution
-from slams.types import IDENTITY, Laser, Pose2, Ranges, Scan
+from slams.types import IDENTITY, Laser, Pose2, Scan
 
 MIN_GAP_THRESHOLD = 0.1  # m between neighbors of one surface
 GAP_DEVIATIONS = 6.0  # of the noise between two neighbors of one surface
@@ -29,8 +29,9 @@ class EndPoints:
     An error of the velocity moves both halves of the sweep in opposite directions, so that it
     hardly moves the middle. `at_stamp` gives the pose at the scan's stamp, that of the first beam.
 
-    `points` (4, >= n): x, y [m], number and weight of the beam; `radius` [m] the farthest of them;
-    `resolution`: noise of the ranges, and lengths that follow from it. All scans share the buffers.
+    `points` (4, >= n): x, y [m], number and weight of the beam; `radius` [m] the farthest from the
+    base; `resolution`: noise of the ranges, and lengths that follow from it. All scans share the
+    buffers.
     """
 
     rough_normal_error = 0.14  # rad, deviation of `rough_normals`, each of a chord of a few beams
@@ -56,7 +57,7 @@ class EndPoints:
         """Read a scan and deskew it by the `velocity` of the base [m/s, rad/s]."""
         laser = scan.laser
         if laser is not self._laser:
-            self._adopt(laser, scan.ranges)
+            self._adopt(laser)
         self._has_moments = self._has_normals = self._has_chords = False
         self.n, self.radius = kernels.end_points(
             scan.ranges[: laser.n_beams],
@@ -144,8 +145,8 @@ class EndPoints:
             self._interval.add(min(t - self._t, MAX_COUNTED_INTERVAL), t)
         self._t = t
 
-    def _adopt(self, laser: Laser, ranges: Ranges) -> None:
-        self._laser, self.step, n_beams = laser, abs(laser.angle_increment), len(ranges)
+    def _adopt(self, laser: Laser) -> None:
+        self._laser, self.step, n_beams = laser, abs(laser.angle_increment), laser.n_beams
         if laser.mount not in self._noises:
             if len(self._noises) == MAX_LASERS:
                 self._noises.clear()

@@ -16,13 +16,14 @@ class MovingAverage:
     Args:
         seconds: time constant [s], in which the weight of a scan falls to 1/e.
         value: the value before the first measurement.
+        prior: number of scans for which it counts.
     """
 
-    def __init__(self, seconds: float, value: float = 0.0) -> None:
+    def __init__(self, seconds: float, value: float = 0.0, prior: float = 0.0) -> None:
         self.value = value
         self._seconds = seconds
         self._t = -math.inf
-        self._scans = 0
+        self._scans = prior
 
     def is_fresh(self, t: float) -> bool:
         """Whether the last measurement is recent at the time `t` [s]."""

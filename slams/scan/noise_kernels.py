@@ -29,45 +29,69 @@ def beyond_chord(points: Points, a: int, i: int, b: int, mount: Pose2) -> float:
     return behind
 
 
+@njit(inner=True, borrows=True)
+def near_chord(points: Points, i: int, mount: Pose2, step: float, max_chord: float) -> float:
+    """Distance of end point i from the line through both neighbors [m]; inf if they are apart.
+
+    ours: they are within `max_chord` [m], or twice the spacing of their beams on a wall there.
+    """
+    x, y = points[0, i] - mount.x, points[1, i] - mount.y
+    angle = MAX_CHORD_SPACING * step * (points[2, i + 1] - points[2, i - 1])
+    if square_gap(points, i - 1, i + 1) >= max_chord**2 + angle * angle * (x * x + y * y):
+        return math.inf
+    return abs(beyond_chord(points, i - 1, i, i + 1, mount))
+
+
 @njit
 def beyond_chords(
     points: Points,
     n: int,
     mount: Pose2,
     step: float,
-    limits: tuple[float, float, float],
+    limits: tuple[float, float],
     out: Floats,
-    halves: Floats,
 ) -> int:
     """Distances of end points from the line through both neighbors [m], out (>= n,); their number.
 
-    ours: on a wall these distances are noise. Every third end point is used, if the line is within
-    limits[1] [m], else it is off their wall, and its neighbors are within limits[0] [m] or twice
-    the spacing of their beams there. Distances in out are those at the typical range limits[2] [m],
-    by the weights of the beams. points (4, >= n), `step` [rad] between two beams. halves (2, 3): of
-    the end points on straight walls up to the typical range and beyond, the number, and the sums of
-    distances [m], as measured, and of squared ranges [m^2]. Farther than the typical range the
-    limit grows with the range, so that it cuts no noise that does.
+    ours: on a wall these distances are noise; by the weights of the beams they are those at the
+    typical range. Every third end point is used, if its neighbors are within limits[0] [m] (see
+    `near_chord`), and the distance within limits[1] [m], else it is off their wall. points
+    (4, >= n), `step` [rad] between two beams.
     """
     count = 0
-    halves[:] = 0.0
+    for i in range(1, n - 1, 3):
+        out[count] = near_chord(points, i, mount, step, limits[0]) * math.sqrt(points[3, i])
+        count += out[count] < limits[1]
+    return count
+
+
+@njit
+def noise_by_range(
+    points: Points,
+    n: int,
+    mount: Pose2,
+    step: float,
+    limits: tuple[float, float],
+    typical: float,
+    out: Floats,
+) -> None:
+    """Sums of distances from chords, for beams up to the `typical` range [m] and beyond.
+
+    ours: as in `beyond_chords`, but not weighted, and only on walls that are straight over twice
+    `HALF_WALL`. Beyond the typical range the limit grows with the range, so that it cuts no noise
+    that does. out (2, 3): number, sum of distances [m], sum of squared ranges [m^2].
+    """
+    out[:] = 0.0
     for i in range(1, n - 1, 3):
         x, y = points[0, i] - mount.x, points[1, i] - mount.y
-        angle = MAX_CHORD_SPACING * step * (points[2, i + 1] - points[2, i - 1])
-        square = x * x + y * y
-        if square_gap(points, i - 1, i + 1) >= limits[0] ** 2 + angle * angle * square:
-            continue
-        distance = abs(beyond_chord(points, i - 1, i, i + 1, mount))
-        out[count] = distance * math.sqrt(points[3, i])
-        if out[count] < limits[1]:
-            count += 1
-        r = math.sqrt(square)
-        limit = limits[1] * max(1.0, r / limits[2]) if limits[2] > 0.0 else limits[1]
+        r = math.sqrt(x * x + y * y)
+        is_far = r > typical
+        limit = limits[1] * r / typical if is_far and typical > 0.0 else limits[1]
+        distance = near_chord(points, i, mount, step, limits[0])
         side = max(int(HALF_WALL / (step * r + 1e-6)), 1)
         a, b = max(i - side, 0), min(i + side, n - 1)
-        if max(distance, abs(beyond_chord(points, a, i, b, mount))) < limit:
-            half = 1 if r > limits[2] else 0
-            halves[half, 0] += 1.0
-            halves[half, 1] += distance
-            halves[half, 2] += square
-    return count
+        if distance < limit and abs(beyond_chord(points, a, i, b, mount)) < limit:
+            half = 1 if is_far else 0
+            out[half, 0] += 1.0
+            out[half, 1] += distance
+            out[half, 2] += r * r
