@@ -1,5 +1,7 @@
 """The published program: kernels against naive twins and hand examples, and against its traces."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from crsm.original import map_kernels as byte_map
 from crsm.original import match_kernels as lattice
 from crsm.original import scan_kernels as picker
 from crsm.original.map import FOOTPRINT_VALUE, ByteMap
+from crsm.original.scan import RayPicker
 from slams.jit import njit
 from slams.types import IDENTITY, Pose2
 from tests.crsm import naive
@@ -42,44 +45,45 @@ def test_published_rays_equal_the_naive_selection(level):
     assert density == pytest.approx(mean)
 
 
-def test_fast_search_takes_the_step_of_the_published_loop():
+@pytest.mark.parametrize("disparity", [40, 43])
+def test_fast_search_takes_the_step_of_the_published_loop(disparity):
     rng = np.random.default_rng(5)
     grid = rng.integers(0, 256, (300, 300)).astype(np.uint8)
     ends = rng.integers(-80, 80, (40, 2))
-    draws = rng.integers(0, 40, (3000, 3)).astype(np.int16)
+    draws = rng.integers(0, disparity, (3000, 3)).astype(np.int16)
     table, step = np.zeros(grid.shape, np.int16), np.zeros(3)
     lattice.score_table(grid, (0, 0, 300, 300), table)
-    buffers = (
-        np.zeros((40, 21, 21), np.float32),
-        np.zeros((40, 40, 2), np.float32),
-        np.zeros((40, 2), np.float32),
-    )
+    slam = Original(OriginalParams(disparity=disparity))
+    slam._allocate(RayPicker(slam.params, laser(40)))
     start = (3.0, -2.0, 0.3, 150.0, 150.0)
-    f = lattice.hill_climb(table, ends.astype(np.float32), 40, start, draws, 40, buffers, step)
+    ends32, buffers = ends.astype(np.float32), slam._buffers
+    f = lattice.hill_climb(table, ends32, 40, start, draws, disparity, buffers, step)
 
     def score(s):
         return naive.fitness(grid, ends, (3 + s[0], -2 + s[1], 0.3 + s[2]), (150, 150))
 
-    expected, best = naive.hill_climb(score, draws, 40)
+    expected, best = naive.hill_climb(score, draws, disparity)
     assert step == pytest.approx(expected, abs=1e-6)
     assert f == pytest.approx(best, abs=1e-5)
+    lattice.hill_climb.py_func(table, ends32, 40, start, draws, disparity, buffers, step)
 
 
-def test_published_map_update_equals_the_naive_one():
-    d = cast(ROOM, IDENTITY, LASER)
+@pytest.mark.parametrize("lidar", [LASER, laser(1440, fov=2.0 * math.pi * 1439 / 1440)])
+def test_published_map_update_equals_the_naive_one(lidar):
+    d = cast(ROOM, IDENTITY, lidar)
     d[7] = 0.0
-    ends, clean = np.zeros((361, 2), np.int64), np.zeros(361)
-    picker.clean(d.astype(np.float32), LASER.directions, (0.1, 30.0, 0.02), clean, ends)
+    ends, clean = np.zeros((len(d), 2), np.int64), np.zeros(len(d))
+    picker.clean(d.astype(np.float32), lidar.directions, (0.1, 30.0, 0.02), clean, ends)
     grid = np.full((700, 700), 127, np.uint8)
     tables = np.zeros((3, 256), np.int64)
     byte_map.intensity_tables(0.2, 40.0, 120.0, tables)
-    a = LASER.angles + 0.1
+    a = lidar.angles + 0.1
     directions = np.stack((np.cos(a), np.sin(a)), axis=1)
     expected = grid
     for _ in range(2):
-        expected = naive.draw(expected, clean, LASER.angles, (300, 310, 0.1), 0.02, 0.2, 40, 3)
+        expected = naive.draw(expected, clean, lidar.angles, (300, 310, 0.1), 0.02, 0.2, 40, 3)
         byte_map.draw(
-            clean, ends, directions, LASER.angle_increment, (300.0, 310.0), 0.02, tables, grid
+            clean, ends, directions, lidar.angle_increment, (300.0, 310.0), 0.02, tables, grid
         )
     assert (grid == expected).all()
 

@@ -57,9 +57,9 @@ def position_error(poses, truth):
     return np.hypot(*(poses[:, :2] - np.array(truth)[:, :2]).T)
 
 
-def pieces_of(points, normals, mount=IDENTITY, grain=0.0):
+def pieces_of(points, normals, mount=IDENTITY, grain=0.0, weight=1.0):
     """Pieces (k, 5) of end points (n, 2) with normals (n, 2), in the order of the scan."""
-    points, normals = np.vstack([points.T, np.ones((2, len(points)))]), normals.T.copy()
+    points, normals = np.vstack([points.T, np.full((2, len(points)), weight)]), normals.T.copy()
     out = np.zeros((points.shape[1], 5))
     return out[: pieces(points, normals, points.shape[1], mount, grain, out)]
 

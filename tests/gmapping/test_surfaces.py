@@ -94,6 +94,13 @@ def test_many_starts_climb_as_each_alone_in_the_map_of_its_owner():
         np.testing.assert_array_equal(alone[2][0], out[k])
 
 
+@pytest.mark.parametrize("far", np.linspace(1.0, 1.8, 41))
+def test_a_wall_at_the_edge_of_the_tables_is_written_whole(far):
+    maps = TileMap(1, N_SURFACE_LAYERS, 0.05, 200, n_values=N_SURFACE_VALUES, max_cells=4000)
+    maps.cover(np.zeros((1, 3)), far)
+    assert insert(maps.tiles, np.zeros((1, 3)), np.array([[far, 0.0, -1.0, 0.0, 1.0]]), UPDATE) == 0
+
+
 def cells_along(gap, turned=0.0, laser_at=(0.0, 0.0), far=2.0, behind=0.0):
     """How far [cells] along a wall at x = `far` the middle one of three points `gap` apart reaches.
 
@@ -193,6 +200,8 @@ def test_beams_that_end_close_together_become_their_mean():
     np.testing.assert_allclose(found[:, [0, 1, 4]], expected, atol=1e-9)
     mean = np.array([-1.6, 0.8]) / math.hypot(1.6, 0.8)
     np.testing.assert_allclose(found[:, 2:4], [[-1.0, 0.0], mean], atol=1e-9)
+    weighted = pieces_of(ends, faces, grain=0.04, weight=0.5)
+    np.testing.assert_array_equal(weighted, found * [1.0, 1.0, 1.0, 1.0, 0.5])
 
 
 def test_a_post_faces_the_laser_and_a_wall_seen_edge_on_is_left_out():

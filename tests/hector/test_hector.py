@@ -79,6 +79,12 @@ def test_the_exact_gradient_is_the_derivative_and_the_originals_is_not():
         assert original_match.interpolate(p, x, y)[1:] == pytest.approx(swapped, abs=1e-5)
 
 
+def test_the_heading_of_the_original_is_wrapped_after_a_match():
+    grid, points = smooth_level(), np.zeros((2, 0))
+    found = original_match.gauss_newton(grid, points, 0, Pose2(0.0, 0.0, 3.5), 1, 0.2)
+    assert found.theta == pytest.approx(3.5 - math.tau)
+
+
 def test_normal_equations_are_the_gradient_of_the_cost():
     grid, rng = smooth_level(), np.random.default_rng(1)
     points = rng.uniform(-1.0, 1.0, (2, 50))
@@ -130,6 +136,9 @@ def test_log_odds_stop_at_the_ceiling_and_scans_add_up(kernels):
         kernels.insert(grid, column(4.0, 0.0), 1, IDENTITY, IDENTITY, number, UPDATE)
     assert 50.0 <= grid.log_odds[0, 4] < 50.0 + OCCUPIED
     assert grid.log_odds[0, 1] == pytest.approx(39 * FREE, rel=1e-5)
+    for number in range(40, 200):  # what stood there is gone
+        kernels.insert(grid, column(5.0, 0.0), 1, IDENTITY, IDENTITY, number, UPDATE)
+    assert grid.log_odds[0, 4] < -5.0 and grid.p[0, 4] < 0.01
 
 
 @both_maps

@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from slams import info
 from slams.ros.messages import SCAN_TYPE
+from slams.scanlog import TimeSeries
 from tests import bags
 from tests.rooms import drive
 
@@ -65,9 +67,13 @@ def test_topics_are_shown_of_a_bag_without_scans(tmp_path, capsys):
 
 
 def test_an_npz_with_a_truth_can_be_compared_and_swept(tmp_path, capsys):
-    drive(n=5).save(tmp_path / "a.npz")
+    log = drive(n=5)
+    level = replace(log.laser, mount_z=0.25)
+    replace(log, laser=level, attitude=TimeSeries(log.t, np.zeros((5, 2)))).save(tmp_path / "a.npz")
     lines = lines_of(capsys, tmp_path / "a.npz")
     assert lines[0] == "room: 5 scans of 361 beams, 20.0 Hz, 0.2 s"
+    assert lines[1].endswith(", 0.250 m above the floor")
+    assert "attitude: 5 stamps, 20.0 Hz" in lines
     assert "each scan: taken as instantaneous, no time between beams is known" in lines
     assert lines[-1] == "usable by: slams run, play, convert, compare, sweep"
 

@@ -215,8 +215,9 @@ def test_only_what_is_behind_a_surface_decays():
     slot = field.slots[0, 0, 0] = allocate_tile(field)
     tsd, weight = field.tsd[slot, 0], field.weight[slot, 0]
     tsd[:4], weight[:4] = (-0.1, -0.1, 0.1, np.nan), (4.0, 0.9, 0.9, 0.0)
+    field.likelihood[0, 0] = 0.8
     gone = [decay_cell(field, 0, 0, ix, 0.5, -0.05) for ix in range(4)]
-    assert gone == [False, True, False, False]
+    assert gone == [False, True, False, False] and field.likelihood[0, 0] == 0.0
     np.testing.assert_allclose(weight[:4], (2.0, 0.0, 0.9, 0.0), rtol=1e-6)
     assert np.isnan(tsd[1]) and tsd[2] > 0.0
 

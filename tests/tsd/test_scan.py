@@ -58,6 +58,7 @@ def test_surface_elements_stand_for_their_beams():
     room = np.array(box(-2.0, -3.0, 4.0, 2.5))
     beams, points, count, sums = read(cast(room, (0.0, 0.0, 0.0), lidar), lidar)
     firsts, out = np.zeros(1082), np.zeros((1081, 8))
+    points[3] = 4.0  # weight of a beam: half of the noise
     find_runs(points, count, beams, RULE, firsts)
     n = fit_surfaces(points, count, sums, firsts, beams, RULE, 0.05, out)
     x, y, nx, ny, information, index, beams_each, known = out[:n].T
@@ -72,7 +73,7 @@ def test_surface_elements_stand_for_their_beams():
     stride = np.maximum((0.05 / step).astype(int), 1)
     cosine = 4.0 / np.hypot(x, y)
     blur = 0.2 * step * np.abs(y) / np.hypot(x, y)  # along the wall, which the beam meets obliquely
-    expected = stride / ((0.01 * cosine) ** 2 + blur**2)
+    expected = stride / ((0.5 * 0.01 * cosine) ** 2 + blur**2)
     assert information[wall] == pytest.approx(expected[wall], rel=0.05)
     assert (beams_each[wall] == stride[wall]).mean() > 0.9 and beams_each.sum() <= count
     assert known.all()

@@ -8,6 +8,7 @@ import pytest
 from slams import metrics
 from slams.live.__main__ import write_results
 from slams.ros.messages import MAP_TYPE, seconds
+from slams.run import write_drive
 from slams.types import Pose2
 from tests.rooms import drive, driven
 from tests.slams.live.commands import PATIENCE
@@ -100,3 +101,11 @@ def test_the_corrected_poses_are_among_the_results(stand, tmp_path):
     write_results(tmp_path / "out", "drifting+loops", stand.node)
     corrected = np.loadtxt(tmp_path / "out/trajectory_corrected.tum")[:, 1:3]
     assert np.allclose(corrected, stand.live.corrected()[:, :2], rtol=0.0, atol=1e-6)
+
+
+def test_a_recording_has_the_corrected_poses(tmp_path, monkeypatch):
+    written = []
+    monkeypatch.setattr("slams.formats.mcap.write_mcap", lambda *given: written.append(given[2]))
+    log, poses = drive(n=3), np.zeros((3, 3))
+    write_drive(tmp_path / "o", driven("hector", log).map(), (log.t, poses, poses + 1.0), {}, log)
+    np.testing.assert_array_equal(written[0], poses + 1.0)

@@ -115,6 +115,10 @@ def test_a_conflict_is_an_end_point_in_a_free_cell_without_a_line():
     lines, points = mapped()
     lines.cells.grid[:] = -0.6
     inliers, conflicts = lines.evaluate(points, IDENTITY)
+    aside = Pose2(0.03, 0.0, 0.0)
+    equal, _ = lines.evaluate(points, aside)
+    points.points[3] = 4.0  # half of the noise
+    assert lines.evaluate(points, aside)[0] < 0.9 * equal
     assert inliers > 0.9 and conflicts < 0.05
 
 

@@ -77,6 +77,8 @@ def test_what_a_file_leaves_out_has_the_nodes_default_in_the_original(tmp_path):
     assert taken.params.registration == "tsd"
     assert taken.params.icp_iterations == 25
     assert fates(taken)["icp_iterations"] == "assumed"
+    taken = take("tsd@original", wrote(tmp_path, "cellsize: 0.05\n", "c.yaml"))
+    assert taken.params.truncation == pytest.approx(0.15)  # three cells
 
 
 def test_units_are_converted(tmp_path):
