@@ -13,8 +13,20 @@ from slams.types import Floats
 
 # Okabe and Ito's, and colors with the largest distances in CIELAB, also from white and black
 COLORS = (
-    *("#0072B2", "#D55E00", "#009E73", "#E69F00", "#A000E0", "#000000", "#CC79A7"),
-    *("#806040", "#E00060", "#00C000", "#6060E0", "#A0C040", "#E040C0", "#56B4E9"),
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#E69F00",
+    "#A000E0",
+    "#000000",
+    "#CC79A7",
+    "#806040",
+    "#E00060",
+    "#00C000",
+    "#6060E0",
+    "#A0C040",
+    "#E040C0",
+    "#56B4E9",
 )
 LINE_STYLES = ("-", "--", ":", "-.")  # of runs with the same color
 # runs whose look never depends on the other runs of a figure

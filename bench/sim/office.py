@@ -33,8 +33,14 @@ OPEN_PLAN_WIDTHS = (7.0, 10.0)  # m
 OFFICE_CLEARANCE = 0.43  # m on both sides of a path
 DOOR_FRONT_DEPTH = 1.2  # m of the corridor that furniture must not block
 OFFICE_PIECES: tuple[PieceMaker, ...] = (
-    *(furniture.desk, furniture.desk, furniture.desk, furniture.cupboard),
-    *(furniture.cupboard, furniture.table, furniture.bin_or_plant, furniture.copier),
+    furniture.desk,
+    furniture.desk,
+    furniture.desk,
+    furniture.cupboard,
+    furniture.cupboard,
+    furniture.table,
+    furniture.bin_or_plant,
+    furniture.copier,
 )
 
 

@@ -94,11 +94,12 @@ def test_many_starts_climb_as_each_alone_in_the_map_of_its_owner():
         np.testing.assert_array_equal(alone[2][0], out[k])
 
 
-@pytest.mark.parametrize("far", np.linspace(1.0, 1.8, 41))
+@pytest.mark.parametrize("far", np.linspace(12.66, 12.74, 9))
 def test_a_wall_at_the_edge_of_the_tables_is_written_whole(far):
-    maps = TileMap(1, N_SURFACE_LAYERS, 0.05, 200, n_values=N_SURFACE_VALUES, max_cells=4000)
-    maps.cover(np.zeros((1, 3)), far)
-    assert insert(maps.tiles, np.zeros((1, 3)), np.array([[far, 0.0, -1.0, 0.0, 1.0]]), UPDATE) == 0
+    maps = TileMap(1, N_SURFACE_LAYERS, 0.05, 200, n_values=N_SURFACE_VALUES, max_cells=1 << 16)
+    poses, wall = np.array([[far - 1.0, 0.0, 0.0]]), np.array([[1.0, 0.0, -1.0, 0.0, 1.0]])
+    maps.cover(poses, 1.0)
+    assert insert(maps.tiles, poses, wall, UPDATE) == 0
 
 
 def cells_along(gap, turned=0.0, laser_at=(0.0, 0.0), far=2.0, behind=0.0):
